@@ -41,12 +41,14 @@ def observe(
 ) -> None:
     """Add the observed disturbance d_hat, computed from velocity (or from position alone), to LOG.
 
-    Writes the channels that the config names, under the tool's own names. Rows that cannot be used are left out.
+    Writes the channels that the config names, under the tool's own names. Rows that cannot be used are left out, and so
+    are those in which a log only repeats what its sensors said before.
     """
     from dsd_cli.cli.identification import say
     from dsd_cli.cli.pictures import check_plot, put_picture
     from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, optional_columns, reading
     from dsd_cli.cli.progress import Progress
+    from dsd_cli.cli.recordings import of_new_rows
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.files.config import load_config
     from dsd_cli.files.logs import load_log, write_log
@@ -63,6 +65,7 @@ def observe(
     with naming(log), Progress(not quiet) as progress:
         how = reading(settings)
         loaded = load_log(log, columns, optional_columns(settings), **how, unwrap=True, watch=progress.watch)
+        loaded = of_new_rows(loaded)
         progress("observing")
         observed = _observed(loaded, observer)
         _check_finite(loaded.log.source, observed)

@@ -87,13 +87,22 @@ def load_recording(
 
 
 def by_updates(loaded: LoadedLog) -> LoadedLog:
+    """The log by the clock of its sensors, where it is written faster than they are read, and with the position of
+    which a speed is the difference; the warnings say so."""
+    from dsd_cli.signals.updates import summed
+
+    loaded = of_new_rows(loaded)
+    whole = summed(loaded.log, loaded.restarts)
+    return replace(loaded, log=whole.log, warnings=(*loaded.warnings, *([whole.said] if whole.said else [])))
+
+
+def of_new_rows(loaded: LoadedLog) -> LoadedLog:
     """The log by the clock of its sensors, where it is written faster than they are read; the warnings say so."""
-    from dsd_cli.signals.updates import summed, updated
+    from dsd_cli.signals.updates import updated
 
     found = updated(loaded.log, loaded.restarts)
-    whole = summed(found.log, found.restarts)
-    said = (*loaded.warnings, *(one.said for one in (found, whole) if one.said))
-    return replace(loaded, log=whole.log, restarts=found.restarts, warnings=said)
+    said = (*loaded.warnings, *([found.said] if found.said else []))
+    return replace(loaded, log=found.log, restarts=found.restarts, warnings=said)
 
 
 def _checked(loaded: LoadedLog, config: Config, model: PlantModel | None) -> CheckResult:

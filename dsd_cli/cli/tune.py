@@ -23,7 +23,7 @@ from dsd_cli.cli.pictures import PlotOption
 
 if TYPE_CHECKING:
     from dsd_cli.cli.progress import Progress
-    from dsd_cli.detect.tune.evidence import Evidence
+    from dsd_cli.detect.tune.evidence import Evidence, Gatherer
     from dsd_cli.detect.tune.tuning import Tuning
     from dsd_cli.files.config import Config
 
@@ -108,8 +108,31 @@ def _evidence(log: str, config: Config, progress: Progress) -> tuple[Evidence, t
     refuse(plan)
     session = Gatherer(plan, cleaner_for(config, plan))
     warnings = run_log(table, session, progress.watch, "reading").warnings
+    if session.repeats.what(session.cleaner.sample_time) and log != "-":  # stdin is read once
+        session, warnings = _of_new_rows(log, config)
     assert session.engine is not None, "run_log refuses a log without samples"
     return Evidence(session.longest(), session.engine), warnings
+
+
+def _of_new_rows(log: str, config: Config) -> tuple[Gatherer, tuple[str, ...]]:
+    """The log as `dsd observe` writes it: the rows in which its sensors say something new."""
+    from itertools import pairwise
+
+    from dsd_cli.cli.plan import detection_plan, log_columns, optional_columns, reading
+    from dsd_cli.cli.recordings import of_new_rows
+    from dsd_cli.detect.tune.evidence import Gatherer
+    from dsd_cli.files.logs import load_log
+    from dsd_cli.signals.cleaning import Cleaner
+
+    loaded = of_new_rows(load_log(log, log_columns(config.signals), optional_columns(config), **reading(config)))
+    found = dict(loaded.log.channels)
+    plan = detection_plan(config, {name: name for name in found}, loaded.log.metadata, log)
+    session, t = Gatherer(plan, Cleaner(None, bridge=0)), found.pop("t")
+    for a, b in pairwise([0, *loaded.restarts, len(loaded.log)]):
+        list(session.feed(t[a:b], {name: x[a:b] for name, x in found.items()}, restart=a > 0))
+    list(session.finish())
+    use = "these settings are for the log of `dsd observe LOG -o NEW.parquet`, which has those rows"
+    return session, (*loaded.warnings, use)
 
 
 def _written(text: str, config: Config, tuning: Tuning) -> str:

@@ -13,6 +13,7 @@ from dsd_cli.detect.doubts import Doubts
 from dsd_cli.detect.engine import Engine, Forces, Labels, Measurement
 from dsd_cli.detect.plan import Plan
 from dsd_cli.detect.profile.cells import Estimates
+from dsd_cli.detect.repeats import Repeats
 from dsd_cli.detect.rest import FrictionMarks
 from dsd_cli.detect.rows import (
     Inputs,
@@ -47,6 +48,7 @@ class Session:
     def __init__(self, plan: Plan, cleaner: Cleaner) -> None:
         self.plan, self.cleaner = plan, cleaner
         self.engine: Engine | None = None
+        self.repeats = Repeats(plan)
         self._doubts: Doubts | None = None  # as the engine: when the clock is known
         self._observer: DisturbanceObserver | None = None
         self._damping: DampingStates | None = None
@@ -77,7 +79,8 @@ class Session:
     @property
     def warnings(self) -> list[str]:
         """One sentence each, about the rows so far."""
-        return [*self.cleaner.warnings, *([] if self._doubts is None else self._doubts.warnings)]
+        doubts = [] if self._doubts is None else self._doubts.warnings
+        return [*self.cleaner.warnings, *self.repeats.warnings(self.cleaner.sample_time), *doubts]
 
     def feed(self, t: Array | None, values: Mapping[str, Array], restart: bool = False) -> Iterator[Rows]:
         """Rows as they are in the log, shape (n,) each; `restart`: they begin another recording."""
@@ -117,6 +120,7 @@ class Session:
 
     def _label_pieces(self, pieces: list[Piece]) -> Iterator[Rows]:
         self._watch_clock()
+        self.repeats.look(pieces)
         if self.plan.settings.method in OFFLINE:
             self._waiting += pieces
             return

@@ -43,12 +43,18 @@ class Updated:
 
     log : u is its mean from each row to the next.
     restarts : its samples that do not continue the one before.
-    said : one sentence; "" where the log is as it was.
+    what : what its sensors do; "" where the log is as it was. done : what has been done about it.
     """
 
     log: Log
     restarts: tuple[int, ...]
-    said: str = ""
+    what: str = ""
+    done: str = ""
+
+    @property
+    def said(self) -> str:
+        """One sentence; "" where the log is as it was."""
+        return self.what and f"{self.what}: {self.done}"
 
 
 def updated(log: Log, restarts: Sequence[int] = ()) -> Updated:
@@ -75,15 +81,26 @@ def updated(log: Log, restarts: Sequence[int] = ()) -> Updated:
         way = np.cumsum(whole["velocity"] * np.diff(t, prepend=t[:1]))
         whole["position"] = way + _between(log["position"] - way, held["position"], t, begins)
     out = [name for name in slow if name not in carried]
-    channels = {name: x[clock] for name, x in whole.items() if name not in out}
     if live:
-        return Updated(replace(log, channels=channels), tuple(restarts), _said(held, len(log), out, carried))
+        channels = {name: x for name, x in whole.items() if name not in out}
+        return Updated(replace(log, channels=channels), tuple(restarts), *_said(held, len(log), out, carried))
+    clock = _from_news_on(clock, begins)
+    channels = {name: x[clock] for name, x in whole.items() if name not in out}
     channels |= {"t": t[clock]} | ({"u": _mean_u(log, t, clock, begins)} if "u" in log else {})
     apart = np.diff(t[clock])
     step = float(np.median(apart[apart > 0.0])) if np.any(apart > 0.0) else log.sample_time  # stamps may begin again
     thinned = replace(log, channels=channels, sample_time=step, u_hold="held")
     found = tuple(np.searchsorted(clock, begins[1:]).tolist())
-    return Updated(thinned, found, _said(held, len(log), out, carried, step))
+    return Updated(thinned, found, *_said(held, len(log), out, carried, step))
+
+
+def _from_news_on(clock: _Rows, begins: _Rows) -> _Rows:
+    """Without the first row of a piece where the next value comes sooner than usual: its own was read before it."""
+    apart = np.diff(clock)
+    usual = float(np.median(apart)) if apart.size else 0.0
+    at = np.searchsorted(clock, begins)
+    early = at[(at < apart.size) & ~np.isin(at + 1, at)]
+    return np.delete(clock, early[apart[early] < usual])
 
 
 def _between(x: Array, rows: _Rows, t: Array, begins: _Rows) -> Array:
@@ -103,16 +120,18 @@ def _come_with(x: Array, rows: _Rows) -> bool:
     return bool(changes.size) and float(np.mean(np.isin(changes, rows))) > by_chance + _TOGETHER * (1.0 - by_chance)
 
 
-def _said(held: dict[str, _Rows], rows: int, out: Sequence[str], carried: Sequence[str], step: float = 0.0) -> str:
+def _said(
+    held: dict[str, _Rows], rows: int, out: Sequence[str], carried: Sequence[str], step: float = 0.0
+) -> tuple[str, str]:
+    """What the sensors do, and what has been done about it."""
     each, some = rows / max(len(found) for found in held.values()), len(held) > 1
     what = f"each value for {each:.3g} rows" if each >= _MOST_TWICE else "some of the values"
-    said = [f"{' and '.join(held)} {'repeat' if some else 'repeats'} {what} while the axis moves"]
     between = set(held) - {*out, *carried}
-    said += [f"only rows with new ones are taken, {step * 1e3:.3g} ms apart"] if step else []
-    said += ["they are put between their neighbours"] if between and not step else []
-    said += [f"{name} goes as the speed between its values" for name in carried]
-    said += [f"{name} is left out" for name in out]
-    return f"{said[0]}: {', '.join(said[1:])}"
+    done = [f"only rows with new ones are taken, {step * 1e3:.3g} ms apart"] if step else []
+    done += ["they are put between their neighbours"] if between and not step else []
+    done += [f"{name} goes as the speed between its values" for name in carried]
+    done += [f"{name} is left out" for name in out]
+    return f"{' and '.join(held)} {'repeat' if some else 'repeats'} {what} while the axis moves", ", ".join(done)
 
 
 def _new_rows(x: Array, begins: _Rows) -> _Rows | None:
@@ -141,7 +160,9 @@ def _mean_u(log: Log, t: Array, rows: _Rows, begins: _Rows) -> Array:
     steps[begins[1:] - 1] = log.sample_time  # from the last row of a piece none leads to the next
     after = np.append(log["u"][1:], log["u"][-1])
     level = log["u"] if log.u_hold == "held" else 0.5 * (log["u"] + after)
-    return np.asarray(np.add.reduceat(level * steps, rows) / np.add.reduceat(steps, rows))
+    each = np.union1d(rows, begins)  # what comes before the first of these rows in its piece is of none
+    mean = np.add.reduceat(level * steps, each) / np.add.reduceat(steps, each)
+    return np.asarray(mean[np.searchsorted(each, rows)])
 
 
 #: Noise of a speed is read from this share of half the sample rate on, and is that of a difference by so many nats.
@@ -171,6 +192,6 @@ def summed(log: Log, restarts: tuple[int, ...] = ()) -> Updated:
         return Updated(log, restarts)
     channels = {name: x for name, x in log.channels.items() if name != "velocity"}
     channels["position"] = np.cumsum(v) * log.sample_time
-    said = "velocity has the noise of a difference of positions: their sum is taken, its zero is not known"
     made = replace(log, channels=channels, metadata={**log.metadata, SUMMED: "velocity"})
-    return Updated(made, restarts, said)
+    what = "velocity has the noise of a difference of positions"
+    return Updated(made, restarts, what, "their sum is taken, its zero is not known")
