@@ -25,7 +25,6 @@ from dsd_cli.cli.init_proposal import (
 from dsd_cli.cli.init_questions import column_question, step_question, without_coarse_stamps
 from dsd_cli.cli.init_roles import Chosen, choose
 from dsd_cli.cli.init_stamps import finite_stamps, unit_of_stamps
-from dsd_cli.cli.init_union import constants
 from dsd_cli.cli.init_units import step_of, units_of
 from dsd_cli.cli.recordings import by_updates, on_its_clock
 from dsd_cli.errors import DsdError, source_name
@@ -90,7 +89,7 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
         asked = asked._replace(given={**asked.given, chosen.missing: answer})
         chosen = choose(source_name(name), looked, asked.given)
     chosen = without_coarse_stamps(as_told(chosen, asked.values))
-    out.said += [*chosen.said, *constants(looked.tables, chosen.missing)]
+    out.said += [*chosen.said, *chosen.idle]
     _name_columns(chosen, out)
     if "dsd_version" in metadata_of(path):  # our own logs are in SI
         drop_open(out)

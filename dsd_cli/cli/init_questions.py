@@ -69,8 +69,9 @@ def column_question(path: str, chosen: Chosen, given: Mapping[str, str], text: s
     text = with_value(
         text, "signals", chosen.missing, '""', printable(f"# <- MISSING: {what}{listed and f'; one of {listed}'}")
     )
-    if chosen.missing == "u" and chosen.none_left:
-        return Question(text, "this log has no control input; dsd needs one", "")
+    if chosen.missing == "u" and chosen.none_left and not chosen.again:
+        why = f" that changes: {' and '.join(chosen.idle)}" if chosen.idle else ""
+        return Question(text, f"this log has no control input{why}; dsd needs one", "")
     moves = any(one in chosen.found for one in ("d_hat", "velocity", "position"))
     named = {role: column for role, column in given.items() if role in GIVEN and role != "u"}
     named = {"u": given.get("u", chosen.found["u"].column if "u" in chosen.found else "NAME"), **named}

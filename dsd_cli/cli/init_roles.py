@@ -8,8 +8,19 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dsd_cli.cli.init_direction import with_direction
 from dsd_cli.cli.init_stamps import unit_of_stamps, with_even_stamps
-from dsd_cli.cli.init_union import by_units, clock_of, forces_in, is_clock, is_part, of_other_joints, union_of, usable
+from dsd_cli.cli.init_union import (
+    by_units,
+    clock_of,
+    forces_in,
+    idle,
+    is_clock,
+    is_part,
+    of_other_joints,
+    union_of,
+    usable,
+)
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.files.first_look import FirstLook
 from dsd_cli.files.joints import apart
@@ -17,19 +28,15 @@ from dsd_cli.files.recognise import (
     Recognised,
     is_asked,
     is_command,
-    is_current,
     is_force,
     is_motion,
     is_neither,
-    is_voltage,
     recognise,
     unit_in,
 )
 from dsd_cli.files.sample import Sample, Table
-from dsd_cli.files.words import TIME_UNITS
 from dsd_cli.roles import Guess, Roles, facts_of, guess_roles
 from dsd_cli.signals.clock import TIME_SCALE
-from dsd_cli.signals.log import Array
 
 #: Roles that the user can name, and those of which one is needed.
 GIVEN = ("time", "u", "position", "velocity")
@@ -50,7 +57,8 @@ class Chosen:
     """The columns of the channels, with their units, and why; `table` has them all, None: they are in several.
 
     `missing`: "u", "position" or "" for nothing; `candidates`: columns that it may be, likeliest first. `elsewhere`:
-    there are columns of other joints, too.
+    there are columns of other joints, too. `again`: columns that are the motion once more. `idle`: what columns do
+    whose names make them what is missing, and that cannot be it.
     """
 
     found: Mapping[str, Recognised]
@@ -62,11 +70,13 @@ class Chosen:
     candidates: tuple[str, ...] = ()
     coarse: Coarse | None = None
     elsewhere: bool = False
+    again: frozenset[str] = frozenset()
+    idle: tuple[str, ...] = ()
 
     @property
     def none_left(self) -> bool:
         """What is missing is in no column: all are something else."""
-        columns = {one.column for one in self.found.values()}
+        columns = {one.column for one in self.found.values()} | self.again
         return self.table is not None and not self.elsewhere and {c.name for c in self.table.channels} <= columns
 
 
@@ -89,7 +99,8 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
     if given:
         tables = [one for one in tables if set(given.values()) <= {c.name for c in one.channels}] or tables
     chosen = _chosen_of(tables, given)
-    return _of_one_axis(replace(chosen, said=(*said, *chosen.said), elsewhere=bool(away)), tables, given)
+    why = tuple(idle(sample.tables, chosen.missing))
+    return _of_one_axis(replace(chosen, said=(*said, *chosen.said), elsewhere=bool(away), idle=why), tables, given)
 
 
 def _chosen_of(tables: Sequence[Table], given: Mapping[str, str]) -> Chosen:
@@ -102,7 +113,7 @@ def _chosen_of(tables: Sequence[Table], given: Mapping[str, str]) -> Chosen:
         found = union.found if union.clock else {**union.found, **clock_of(tables, union.found)}
         return Chosen(found, {}, union.clock, None, ())
     deeds = _by_deeds(sorted(looks, key=lambda item: -_worth(*item))[:TABLES], given)
-    listed = not deeds.missing or deeds.candidates
+    listed = not deeds.missing or deeds.candidates or deeds.again
     return deeds if listed else replace(deeds, candidates=forces_in(tables, deeds.found))
 
 
@@ -180,7 +191,7 @@ def _rows(table: Table) -> int:
 def _completed(look: FirstLook, table: Table, given: Mapping[str, str]) -> Chosen:
     """With the time, the position or the velocity that the names do not say."""
     said: tuple[str, ...] = ()
-    if "u" in look.found and "u" not in given and (other := _with_direction(look, table)) is not None:
+    if "u" in look.found and "u" not in given and (other := with_direction(look, table)) is not None:
         size, look = look.found["u"].column, replace(look, found={**look.found, "u": other})
         said = (*said, f'"{size}" has no direction though the axis turns: "{other.column}", which it follows, is u')
     if "time" not in given:
@@ -190,37 +201,8 @@ def _completed(look: FirstLook, table: Table, given: Mapping[str, str]) -> Chose
     if "u" in look.found and "u" not in roles.found:
         shares = (f"{100 * share:.0f} % of {name}" for name, share in roles.causes.items() if share > 0.0)
         said = (*said, f"several are called as u is; the motion explains {', '.join([*shares][:4])}: none clearly best")
-    return replace(_chosen(look, table, roles), said=said)
-
-
-#: What goes both ways does so by more than this share of its largest; a current without direction comes down to that.
-BOTH_WAYS = 0.01
-#: From this correlation on it follows the size of a voltage.
-FOLLOWS = 0.5
-
-
-def _both_ways(x: Array) -> bool:
-    return bool(min(-np.nanmin(x), np.nanmax(x)) > BOTH_WAYS * np.nanmax(np.abs(x)))
-
-
-def _with_direction(look: FirstLook, table: Table) -> Recognised | None:
-    """The voltage that is u where the current has no direction, as a supply's; None: nothing shows that."""
-    values = {one.name: one.values for one in table.channels if one.values is not None}
-    u, motion = look.found["u"], next((look.found[one] for one in ("velocity", "position") if one in look.found), None)
-    if motion is None or not is_current(u.column, u.unit) or not {u.column, motion.column} <= values.keys():
-        return None
-    x, moved = values[u.column], values[motion.column]
-    speed = moved if motion.channel == "velocity" else np.diff(moved)
-    if not 0.0 <= np.nanmin(x) < BOTH_WAYS * np.nanmax(x) or not _both_ways(speed):
-        return None
-    for name in u.others:
-        y = values.get(name)
-        if y is None or not is_voltage(name, look.units[name]) or not _both_ways(y):
-            continue
-        both = np.isfinite(x) & np.isfinite(y)
-        if np.corrcoef(x[both], np.abs(y[both]))[0, 1] > FOLLOWS:
-            return Recognised("u", name, look.units[name] or unit_in(name, "u"), (u.column,))
-    return None
+    chosen = _chosen(look, table, roles)
+    return replace(chosen, said=(*said, *chosen.said))
 
 
 def roles_of(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:
@@ -279,11 +261,10 @@ def _chosen(look: FirstLook, table: Table, roles: Roles) -> Chosen:
     likely = [name for name in roles.causes if name not in taken]
     rest = [one.name for one in table.channels if one.name not in taken and one.name not in likely]
     rest = [name for name in rest if roles.facts[name].kind in ("signal", "drift", "boolean")]
-    may = [name for name in (*likely, *rest) if not is_neither(name, look.units[name])]
+    may = [name for name in (*likely, *rest) if not is_neither(name, look.units[name]) and name not in roles.again]
     candidates = tuple(name for name in may if missing != "u" or not is_motion(name, look.units[name]))
-    return Chosen(found, roles.found, look.clock, table, (), missing, candidates if missing else ())
-
-
-def time_scale(unit: str) -> float:
-    """s per unit of time."""
-    return TIME_SCALE[TIME_UNITS.get(unit, unit)]
+    said = tuple(
+        f'"{name}" goes as the motion does: it was asked for, or measured again' for name in sorted(roles.again)
+    )
+    candidates = candidates if missing else ()
+    return Chosen(found, roles.found, look.clock, table, said, missing, candidates, again=roles.again)

@@ -45,12 +45,25 @@ def usable(table: Table, given: Collection[str] = ()) -> Table:
     return replace(table, channels=tuple(filter(kept, table.channels)))
 
 
-def constants(tables: Sequence[Table], missing: str) -> list[str]:
-    """What to say of columns whose names make them what is missing, and which nothing changes."""
+def idle(tables: Sequence[Table], missing: str) -> list[str]:
+    """What columns do whose names make them what is missing, and that cannot be it."""
     roles = {"u": ("u",), "position": ("position", "velocity")}.get(missing, ())
-    still = [c for one in tables for c in one.channels if facts_of(c).kind == "constant"]
-    called = [c for c in still if not {*roles}.isdisjoint(recognise([c.name], {c.name: c.unit}))]
-    return [f'"{c.name}" is {facts_of(c).low:g} in all rows: a log in which it changes is needed' for c in called[:3]]
+    said = []
+    for c in (c for one in tables for c in one.channels):
+        facts = facts_of(c)
+        if facts.kind in _DOES and not {*roles}.isdisjoint(recognise([c.name], {c.name: c.unit})):
+            does = "is all there is, in one row" if c.values is not None and c.values.size == 1 else _DOES[facts.kind]
+            said.append(f'"{c.name}" {does.format(facts.low)}')
+    return said[:3]
+
+
+#: What a column does that is no signal.
+_DOES = {
+    "constant": "is {:g} in all rows",
+    "empty": "has no number in any row",
+    "text": "holds no numbers",
+    "boolean": "is yes or no",
+}
 
 
 def of_other_joints(path: str, tables: Sequence[Table], given: Mapping[str, str]) -> tuple[set[str], list[str]]:

@@ -9,8 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.signals.facts import SPANS, lag_of, slope_of
+from dsd_cli.signals.facts import slope_of
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.twins import WINDOWS, averages, lead_of
 
 #: Blocks of rows that are averaged into one, at most so many of them; two such sizes are tried.
 BLOCKS = (4000, 600)
@@ -101,15 +102,6 @@ def _held_out(columns: Array, y: Array) -> float:
     return max(0.0, 1.0 - left / total) if total > 0.0 else 0.0
 
 
-#: Two channels are one quantity, asked for and measured, where one leaves less than this share of the other.
-TWINS = 0.05
-#: And their variances are alike within this factor.
-ALIKE = 2.0
-#: An average over some samples is compared with that of another channel where the log has so many of them one after the
-#: other: both in the same numbers, these are not alike by chance. Rows that are looked at for that.
-WINDOWS, COMPARED = 5, 16_000
-#: Longest time by which a measured position comes after the one that was asked for, samples.
-LONGEST = 200
 AS_TOLD, ONLY_CAUSE = "as you say", "only what makes it move says so"
 
 
@@ -134,7 +126,8 @@ class Look:
     """What is known so far: values without holes, on steps of `dt` (1 where there is no clock).
 
     `rivals` : columns that could be u as well as the one that is called so. `steps` : those of two levels, which no
-    motion explains, and one of which may be u. `asked` : what was asked for, by its name.
+    motion explains, and one of which may be u. `asked` : what was asked for, by its name. `again` : by what it does, or
+    the motion by another sensor.
     """
 
     values: dict[str, Array]
@@ -147,6 +140,7 @@ class Look:
     steps: frozenset[str] = frozenset()
     asked: frozenset[str] = frozenset()
     causes: dict[str, Cause] = field(default_factory=dict)
+    again: frozenset[str] = frozenset()
 
     def free(self) -> list[str]:
         taken = {guess.column for guess in self.found.values()}
@@ -155,31 +149,6 @@ class Look:
     def movable(self) -> list[str]:
         """Those of them that may be a motion that was measured."""
         return [name for name in self.free() if name not in self.never_motion | self.asked]
-
-
-def lead_of(x: Array, y: Array) -> int | None:
-    """By how many samples x is ahead of y; None: they are not one quantity, asked for and measured."""
-    power = float(np.var(x))
-    if power <= 0.0 or not 1.0 / ALIKE < float(np.var(y)) / power < ALIKE:
-        return None
-    lag = lag_of(x - x.mean(), y - y.mean(), LONGEST)
-    a, b = (x[: x.size - lag], y[lag:]) if lag >= 0 else (x[-lag:], y[:lag])
-    return lag if float(np.mean((b - a) ** 2)) < TWINS * power else None
-
-
-def averages(x: Array, y: Array) -> bool:
-    """Whether y is x with its noise averaged over the samples before: what is slow in both is the same."""
-    x, y = x[:COMPARED], y[:COMPARED]
-    if not float(np.var(y)) < float(np.var(x)):
-        return False
-    sums = [np.concatenate([[0.0], np.cumsum(one - x[0])]) for one in (x, y)]
-    for span in SPANS:
-        if x.size < WINDOWS * span:
-            return False
-        lead = lead_of(*((one[span:] - one[:-span]) / span for one in sums))
-        if lead is not None:
-            return lead >= 0
-    return False
 
 
 #: A channel makes an axis move from this share of it on that the motion explains; below the second it is a guess to ask
@@ -197,7 +166,10 @@ def find_cause(look: Look) -> None:
         _doubt_cause(look, motions)
         return
     candidates = [found["u"].column] if "u" in found and found["u"].column in look.values else look.free()
-    candidates = [name for name in candidates if name not in look.never_cause]
+    if known:
+        pairs = [(name, one.column) for name in candidates for one in motions if one.column != name]
+        look.again |= {x for x, moved in pairs if lead_of(look.values[x], look.values[moved]) is not None}
+    candidates = [name for name in candidates if name not in look.never_cause | look.again]
     if not known:
         kinds = ("velocity", "position")
         motions = [Motion(name, kind) for name in look.movable() for kind in kinds]
@@ -237,11 +209,10 @@ def _best(
 
 def _as_likely(look: Look, share: float, motion: Motion, name: str) -> bool:
     """Whether, where neither the motion nor what causes it is known, others do as well: these two turned, another u,
-    or these two as position and velocity with one of the others for u."""
+    or these two as position and velocity, with one of the others for u or none."""
     turned = look.causes.get(motion.column, Cause(0.0, 0.0, 0)).share > share - AS_WELL
-    others = {*look.free(), *look.steps} - look.never_cause - {motion.column, name}
     slope = slope_of(look.t, look.values[motion.column], look.values[name], WINDOWS)
-    return bool(turned or (others and slope.share > share - AS_WELL) or _as_well(look, share, motion, name))
+    return bool(turned or slope.share > share - AS_WELL or _as_well(look, share, motion, name))
 
 
 def _raw(look: Look, share: float, motion: Motion, name: str, candidates: Sequence[str]) -> tuple[float, Motion, str]:

@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.roles.control_input import AS_TOLD, ONLY_CAUSE, Guess, Look, find_cause, lead_of
+from dsd_cli.roles.control_input import AS_TOLD, ONLY_CAUSE, Guess, Look, find_cause
 from dsd_cli.signals.facts import BETTER_SLOPE, Channel, Facts, Slope, facts_of, slope_of
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.rounding import ROUNDING
+from dsd_cli.signals.twins import lead_of
 
 #: A channel is the slope of another from this share of its square on.
 IS_SLOPE = 0.98
@@ -33,12 +34,14 @@ UNRELATED = 0.5
 class Roles:
     """Role -> guess, for those of time, u, velocity, position and reference that were found.
 
-    `causes`: share of each channel that the motion explains, best first: who could be u.
+    `causes`: share of each channel that the motion explains, best first: who could be u. `again`: channels that are the
+    motion once more, asked for or by another sensor.
     """
 
     found: Mapping[str, Guess]
     facts: Mapping[str, Facts]
     causes: Mapping[str, float]
+    again: frozenset[str] = frozenset()
 
 
 def guess_roles(
@@ -81,7 +84,7 @@ def guess_roles(
         if not placed:
             _find_reference(look)
     causes = {name: one.share for name, one in sorted(look.causes.items(), key=lambda item: -item[1].share)}
-    return Roles(found, facts, causes)
+    return Roles(found, facts, causes, look.again - {one.column for one in found.values()})
 
 
 def _clock(facts: Mapping[str, Facts]) -> Guess | None:
@@ -143,7 +146,7 @@ def _find_motion(look: Look) -> None:
     if p and w:
         _doubt_motion(look, p, w, free)
         return
-    best: tuple[float, str, str, int, int] | None = None
+    best: tuple[Slope, str, str] | None = None
     for one in [p] if p else free:
         for other in [w] if w else free:
             if one == other:
@@ -151,17 +154,26 @@ def _find_motion(look: Look) -> None:
             slope = slope_of(look.t, look.values[one], look.values[other])
             if slope.share <= IS_SLOPE and not ("u" in found and _swings(look, one, other, slope)):
                 continue
-            if best is None or slope.share > best[0] + BETTER_SLOPE:
-                best = slope.share, one, other, slope.lag, slope.span
+            if best is None or _fits_motion(look, (slope, one, other), best):
+                best = slope, one, other
     if best is None:
         return
-    share, one, other, _, span = best
+    (_, share, lag, span), one, other = best
     averaged = f", averaged over {span} samples" if span > 1 else ""
-    doubt = "" if share > WHOLLY else f"{100 * (1 - share):.1f} % of it is something else"
+    early = "" if lag >= 0 else "it comes before that slope: was it asked for, or is the position late?"
+    doubt = early if share > WHOLLY else f"{100 * (1 - share):.1f} % of it is something else"
     if not p:
         found["position"] = Guess(one, f"{other} is its slope{averaged}")
     if not w:
         found["velocity"] = Guess(other, f"it is the slope of {one}{averaged}", doubt)
+
+
+def _fits_motion(look: Look, one: tuple[Slope, str, str], other: tuple[Slope, str, str]) -> bool:
+    """Whether a (slope, position, velocity) is one rather than another: what comes before the motion was asked for, and
+    over a long time a target that is followed is a slope as good as the measured speed."""
+    spans = (min(one[0].span, other[0].span),)
+    mine, its = (slope_of(look.t, look.values[p], look.values[w], spans=spans) for _, p, w in (one, other))
+    return (mine.lag >= 0, mine.share) > (its.lag >= 0, its.share + BETTER_SLOPE)
 
 
 def _swings(look: Look, p: str, w: str, slope: Slope) -> bool:
@@ -211,25 +223,32 @@ def _doubt_reference(look: Look) -> None:
 
 
 def _find_reference(look: Look) -> None:
-    """The position that was asked for: the same as the measured one, but earlier.
+    """The position that was asked for: the same as the measured one, but earlier. Of two speeds the later is measured.
 
     One that is not earlier is no reference, however smooth it is: two sensors of one axis differ in their noise, too.
     """
     found = look.found
-    if "position" not in found or "reference" in found or found["position"].column not in look.values:
-        return
-    mine = found["position"].column
-    for other in look.free():
-        lead = None if other in look.never_motion else lead_of(look.values[other], look.values[mine])
-        if not lead:
+    for role in ("position", "velocity"):
+        mine = found[role].column if role in found else ""
+        if mine not in look.values or (role == "position" and "reference" in found):
             continue
-        if lead > 0:
-            found["reference"] = Guess(other, f"as {mine}, {lead} samples earlier")
-            return
-        if found["position"].doubt == ONLY_CAUSE:
-            found["reference"] = Guess(mine, f"as {other}, {-lead} samples earlier")
-            found["position"] = Guess(other, f"as {mine}, {-lead} samples later: measured")
-            return
-        if found["position"].reason != AS_TOLD:
-            doubt = f"{other} is as it, {-lead} samples later: is that what was measured?"
-            found["position"] = replace(found["position"], doubt=doubt)
+        for other in look.free():
+            lead = None if other in look.never_motion else lead_of(look.values[other], look.values[mine])
+            if lead and _asked_for(look, role, other, lead):
+                break
+
+
+def _asked_for(look: Look, role: str, other: str, lead: int) -> bool:
+    """Whether that settles what is the reference of that motion, of which `other` is `lead` samples ahead."""
+    found, mine = look.found, look.found[role]
+    reference = Guess(other, f"as {mine.column}, {lead} samples earlier")
+    if lead < 0 and mine.doubt == ONLY_CAUSE:
+        reference = Guess(mine.column, f"as {other}, {-lead} samples earlier")
+        found[role] = Guess(other, f"as {mine.column}, {-lead} samples later: measured")
+    elif lead < 0:
+        if mine.reason != AS_TOLD:
+            found[role] = replace(mine, doubt=f"{other} is as it, {-lead} samples later: is that what was measured?")
+        return False
+    if role == "position":
+        found["reference"] = reference
+    return True

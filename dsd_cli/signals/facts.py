@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
@@ -101,18 +102,18 @@ class Slope(NamedTuple):
     span: int
 
 
-def slope_of(t: Array, p: Array, w: Array, fewest: int = FEWEST) -> Slope:
+def slope_of(t: Array, p: Array, w: Array, fewest: int = FEWEST, spans: Sequence[int] = SPANS) -> Slope:
     """How well `w` is the slope of `p`: over spans of samples the mean of w is the increase of p by their length.
 
     Parameters
     ----------
     t : s (or any unit: the scale is per that), rising, shape (n,); p, w : finite, shape (n,).
-    fewest : windows of a span.
+    fewest : windows of a span. spans : samples that are averaged over, of which the best is taken.
     """
     best = Slope(0.0, 0.0, 0, 1)
     p = _unwrapped(p)
     area = np.concatenate([[0.0], np.cumsum(0.5 * (w[1:] + w[:-1]) * np.diff(t))])
-    for span in SPANS:
+    for span in spans:
         if t.size < fewest * span:
             break
         length = t[span:] - t[:-span]

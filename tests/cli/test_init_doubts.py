@@ -229,7 +229,7 @@ def test_a_column_that_is_called_u_and_never_changes_is_named_in_the_question(tm
     strangers.text(tmp_path, "log.csv", ["t,pos,vel,duty", *rows])
     result = dsd("init", "log.csv", cwd=tmp_path)
     assert result.returncode == 1
-    assert '"duty" is 999 in all rows: a log in which it changes is needed' in result.stderr
+    assert 'this log has no control input that changes: "duty" is 999 in all rows; dsd needs one' in result.stderr
 
 
 def test_a_setpoint_of_two_levels_is_no_second_speed(tmp_path: Path) -> None:
