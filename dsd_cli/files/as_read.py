@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from dsd_cli.files.command import Command, as_it_acted
+from dsd_cli.files.counter_stamps import counted_on
 from dsd_cli.files.remade import Made, as_observed
 from dsd_cli.files.scaled import scaled
 from dsd_cli.files.table_source import TableSource
@@ -23,8 +24,8 @@ def as_read(
     sample_time: float | None,
     unwrap: bool = True,
 ) -> TableSource:
-    """The rows of the window, with u as and when it acted, a position that goes on where it wraps, scaled, and with
-    d_hat as this package makes it.
+    """The rows of the window, with u as and when it acted, stamps and a position that go on where they wrap, scaled,
+    and with d_hat as this package makes it.
 
     Parameters
     ----------
@@ -37,6 +38,7 @@ def as_read(
     ------
     DataError : while it is read: no row in the window, or none with a u that the command names.
     """
+    table = counted_on(table)
     part = windowed(as_it_acted(table, command, time_scale, sample_time), window, time_scale, sample_time)
     whole = scaled(unwrapped(part, factors.get("position", 1.0)) if unwrap else part, factors)
     return as_observed(whole, made or Made(), time_scale, sample_time)
