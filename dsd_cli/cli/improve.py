@@ -161,6 +161,7 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
     from dsd_cli.cli.identification import load_given, print_json, say, warn
     from dsd_cli.cli.improve_loop import put_config, with_steps
     from dsd_cli.cli.learn import with_learnt
+    from dsd_cli.cli.other_hold import said_of_hold
     from dsd_cli.cli.pictures import put_picture
     from dsd_cli.cli.plan import widening
     from dsd_cli.cli.progress import Progress
@@ -172,11 +173,14 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
     output, quiet = wanted.output, wanted.quiet
     with Progress(not quiet) as progress, widening(settings.signals):
         given = load_given(settings, wanted.logs, wanted.holdout, progress)
-        ladder = in_units(_run(given, wanted.auto, quiet, progress), settings.signals.units)
+        ladder = _run(given, wanted.auto, quiet, progress)
+        of_hold = said_of_hold(given, wanted.logs, ladder.last)
+        ladder = in_units(ladder, settings.signals.units)
         ladder = with_learnt(ladder, given, progress)[0] if wanted.learn else ladder
         held_out = validated(given, ladder) if given.holdout else ()
     moved = transferred(settings, ladder) if wanted.transfer else ()
-    report = LadderReport(ladder, wanted.logs, output, given.dropped, given.warnings, held_out, moved)
+    warnings = (*given.warnings, *of_hold)
+    report = LadderReport(ladder, wanted.logs, output, given.dropped, warnings, held_out, moved)
     text = with_steps(origin.text, ladder.steps[0].score, ladder.steps[1:], wanted.logs, ladder.last.units)
     text, of_states = put_states(text, given, ladder.steps[-1].model, wanted.states)
     if output is not None:

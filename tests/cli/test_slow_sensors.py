@@ -3,6 +3,7 @@ taken as differences; stamps on arrival."""
 
 import json
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -131,3 +132,58 @@ def test_what_a_sampled_u_leaves_unexplained_is_said_to_be_that(tmp_path):
     assert 'signals.u_hold = "sampled"? with all that was found' in said["advice"][0]
     ran = done("diagnose", "log.parquet", "-c", "dsd.toml", "--set", "signals.u_hold=held", cwd=tmp_path)
     assert "signals.u_hold" not in ran.stdout  # who says it is not asked
+    ran = done("improve", "log.parquet", "-c", "dsd.toml", "--auto", cwd=tmp_path)
+    assert 'signals.u_hold = "sampled"? with all that was found' in " ".join(ran.stderr.split())
+
+
+@pytest.fixture(scope="module")
+def repeating(tmp_path_factory) -> Path:
+    """Position in every fifth row, nothing missing, with candidates around the truth; as Parquet and as CSV."""
+    folder = tmp_path_factory.mktemp("repeating")
+    question = TIERS["sensors read in every fifth row"].draw(NOTHING)
+    write(question, folder)
+    inertia, delay = (question.truth[name] for name in ("inertia", "delay"))
+    states = f"[states]\ndelays = [{delay}, {delay + 0.01}]\ninertias = [{inertia}, {2 * inertia}]\n"
+    with (folder / "dsd.toml").open("a") as config:
+        config.write(f"\n{states}[detector]\nrho = 0.05\nwindow = 40\n")
+    channels = question.channels
+    rows = np.column_stack([channels[name] for name in ("t", "u", "position")])
+    np.savetxt(folder / "log.csv", rows, delimiter=",", header="t,u,position", comments="")
+    comes = np.arange((np.flatnonzero(np.diff(channels["position"])) + 1)[0], channels["u"].size, 5)  # by hand
+    edges = np.append(comes, channels["u"].size)
+    means = [channels["u"][a:b].mean() for a, b in pairwise(edges)]
+    thin = np.column_stack([channels["t"][comes], means, channels["position"][comes]])
+    np.savetxt(folder / "by-hand.csv", thin, delimiter=",", header="t,u,position", comments="")
+    return folder
+
+
+@pytest.mark.parametrize("way", ["file", "stream"])
+def test_detect_labels_every_row_and_says_that_values_repeat(repeating, way):
+    given = ("log.csv", {}) if way == "file" else ("-", {"stdin": (repeating / "log.csv").read_bytes()})
+    ran = done("detect", given[0], "-c", "dsd.toml", "--format", "csv", cwd=repeating, **given[1])
+    out, said = (x.decode() if isinstance(x, bytes) else x for x in (ran.stdout, ran.stderr))
+    assert len(out.splitlines()) == 20_001
+    (line,) = [one for one in said.splitlines() if "repeats" in one]
+    assert "position repeats each value for 5 rows while the axis moves" in line
+    assert "dsd observe LOG -o NEW.parquet" in line
+
+
+def test_observe_writes_the_rows_with_new_values(repeating):
+    ran = done("observe", "log.csv", "-c", "dsd.toml", "-o", "new.csv", cwd=repeating)
+    assert "position repeats each value for 5 rows" in " ".join(ran.stderr.split())
+    new, by_hand = (np.genfromtxt(repeating / name, delimiter=",", names=True) for name in ("new.csv", "by-hand.csv"))
+    for name in ("t", "u", "position"):
+        np.testing.assert_allclose(new[name][-3900:], by_hand[name][-3900:], rtol=1e-9, atol=1e-12)
+    ran = done("detect", "new.csv", "-c", "dsd.toml", cwd=repeating)
+    assert "samples, 5 ms apart" in ran.stdout
+    assert "repeat" not in ran.stderr
+
+
+def test_tune_takes_the_rows_with_new_values(repeating):
+    """rho was 12 of all rows, where the position stands and jumps."""
+    names = ("log.csv", "by-hand.csv")
+    tuned = [done("tune", name, "-c", "dsd.toml", "--format", "json", cwd=repeating) for name in names]
+    rho, by_hand = (json.loads(one.stdout)["rho"] for one in tuned)
+    assert rho == pytest.approx(by_hand, rel=0.03)
+    assert "these settings are for the log of `dsd observe LOG" in " ".join(tuned[0].stderr.split())
+    assert "observe" not in tuned[1].stderr

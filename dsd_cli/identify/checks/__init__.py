@@ -119,11 +119,15 @@ def _leaning(parameters: Sequence[Parameter]) -> list[Finding]:
     return [Finding(what, "log", "warning", 0.9, remedy)] if leaning else []
 
 
+#: What nearly any axis has, beside which a value must stay what it is.
+_AS_WELL = "with friction, weight and stiffness fitted as well"
+
+
 def _below_zero(view: View, inertia: Parameter) -> list[Finding]:
     """Where a log is too short for the vote on signs."""
     if not inertia.below_zero or (view.rows is not None and view.rows.speed.size >= values.FEW):
         return []
-    what = f"inertia is {inertia.value:.3g} with this model, and below 0 with friction, weight and springs beside it"
+    what = f"the fit of [model] as it is gives inertia {inertia.value:.3g}, and {_AS_WELL} less than 0"
     remedy = "or this log is too short, and a force that holds the axis or a delay is missing in [model]"
     return [Finding(f"{what}: no axis has that", "u", "warning", 0.8, remedy, (("u", -1.0),), first=True)]
 
@@ -136,13 +140,14 @@ def _bent(parameters: Sequence[Parameter]) -> list[Finding]:
         if not bent:
             continue
         if lacks_force:
-            cause = "it lacks a force that bends " + ("it" if len(bent) == 1 else "them")
+            cause = f"a force is missing in [model] and biases the first {'value' if len(bent) == 1 else 'values'}"
             remedy = "dsd diagnose says which"
         else:
-            cause = "it lacks a force, or the controller answers noise of the sensor"
+            cause = "a force is missing in [model], or the controller answers noise of the sensor"
             remedy = "a signals.reference that the axis follows closely decides"
-        texts = [f"{one.name} is {one.value:.3g} with this model and {one.beside:.3g}" for one in bent]
-        what = f"{', '.join(texts)} with friction, weight and springs of any size beside it: {cause}"
+        first = ", ".join(f"{one.name} {one.value:.3g}" for one in bent)
+        then = ", ".join(f"{one.beside:.3g}" for one in bent)
+        what = f"the fit of [model] as it is gives {first}, and {_AS_WELL} {then}: {cause}"
         found.append(Finding(what, "log", "note", 0.9, remedy))
     return found
 
