@@ -12,6 +12,7 @@ from dsd_cli.report.checks import print_table, to_json, verdict
 from tests.cli.rig import csv_text, done, dsd, refused, write
 from tests.identify.checks.rig import servo
 
+SAMPLES = Path(__file__).parents[2] / "sample_logs"
 KEYS = {"schema_version", "command", "log", "findings", "parameters", "band_hz", "floor", "unit"}
 
 
@@ -188,3 +189,11 @@ def test_stdin_gaps_and_missing_columns(rig):
 def test_what_cannot_be_read_is_one_line(rig, content, code, text):
     write(rig, "bad.csv", content)
     refused(dsd("check", "bad.csv", cwd=rig), code, text)
+
+
+def test_what_a_missing_force_biases_is_said_in_both_values(tmp_path):
+    given = ("check", SAMPLES / "servo-friction.csv", "-c", SAMPLES / "servo-bare.toml")
+    ran = done(*given, "--format", "json", cwd=tmp_path)
+    said = " ".join(one["what"] for one in json.loads(ran.stdout)["findings"])
+    assert "the fit of [model] as it is gives delay" in said
+    assert "and with friction, weight and stiffness fitted as well 0.002: a force is missing in [model]" in said
