@@ -18,9 +18,9 @@ from dsd_cli.plant.references import Planned
 from dsd_cli.plant.simulation import SimulationSettings, simulate
 from dsd_cli.signals.log import Array
 
-#: Of a loop that nobody described: crossover times its lag, rad; least and most rad/s; share of the crossover at which
-#: the gains of position and of its integral take over.
-_PHASE, _SLOWEST, _FASTEST, _POSITION, _INTEGRAL = 0.3, 3.0, 40.0, 0.25, 0.05
+#: Of loops that nobody described: crossover times its lag, rad, of a stiff one (45 degrees of phase margin are left),
+#: of a soft one; least and most rad/s; share of the crossover at which the gains of position and integral take over.
+_STIFF, _SOFT, _SLOWEST, _FASTEST, _POSITION, _INTEGRAL = 0.45, 0.3, 3.0, 40.0, 0.25, 0.05
 #: s that the axis is held at the start before the motion begins; s over which an acceleration counts.
 SETTLE, _ACCELERATION_OVER = 1.5, 0.02
 #: Times the rate of a loop, from where on a load that swings on its motor moves with it.
@@ -29,13 +29,11 @@ _AS_ONE = 10.0
 
 @dataclass(frozen=True)
 class Loop:
-    """The loop that the motion is run in; step : s, of its samples. settled : whether what holds the axis at the start
-    stands in its integral before the motion begins. described : by the user; else his may be stiffer."""
+    """The loop that the motion is run in; step : s of its samples. described : by the user; else his may be stiffer."""
 
     controller: ControllerSettings
     observer: ObserverSettings
     step: float
-    settled: bool = False
     described: bool = False
 
 
@@ -58,14 +56,18 @@ class Run:
 
 
 def usual_loops(model: PlantModel, observer: ObserverSettings, step: float) -> tuple[Loop, Loop]:
-    """PID and PD with feedforward for this plant, as slow as its delay asks: without an integral the axis stands off
-    by what the feedforward lacks, over the gain of the position."""
-    pace = float(np.clip(_PHASE / (model.delay + step + 0.004), _SLOWEST, _FASTEST))
-    kd = model.inertia * pace
-    kp = _POSITION * kd * pace
-    law = ControllerSettings("pd", Gains(kp, kd), "error", integral=_INTEGRAL * kp * pace)
-    observer = replace(observer, sign=1)
-    return Loop(law, observer, step, settled=True), Loop(replace(law, integral=0.0), observer, step)
+    """PID and PD with feedforward for this plant, as stiff as its delay lets it be and softer: a user's are between. In
+    the first an axis swings whose friction falls with the speed; in the other it stands off by what the feedforward
+    lacks, over the gain of the position."""
+
+    def loop(phase: float, integral: float) -> Loop:
+        pace = float(np.clip(phase / (model.delay + step + 0.004), _SLOWEST, _FASTEST))
+        kd = model.inertia * pace
+        kp = _POSITION * kd * pace
+        law = ControllerSettings("pd", Gains(kp, kd), "error", integral=integral * kp * pace)
+        return Loop(law, replace(observer, sign=1), step)
+
+    return loop(_STIFF, _INTEGRAL), loop(_SOFT, 0.0)
 
 
 def run_loop(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
@@ -78,7 +80,7 @@ def run_loop(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits:
     UnstableLoopError : the loop is not stable with this plant.
     """
     before, (path, added) = round(SETTLE / loop.step), planned
-    if loop.settled:
+    if loop.controller.integral > 0.0:  # what holds the axis at the start stands in it before the motion begins
         rest = Path.of(path.position[:before], loop.step)
         added = added + (command_for(plant, rest)[0] - added[0])
     settings = SimulationSettings(

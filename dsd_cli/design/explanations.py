@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -84,15 +84,14 @@ def draws_of(search: Search, fit: Fit, doubtful: bool, own: Collection[str]) -> 
     stays = {n for n, e in told.items() if e.grade in left_open or (doubtful and n == DELAY)}
     given = {n: v for n, v in flat(search.problem.model).items() if n in stays}
     left = _Left(covariance, np.zeros(len(covariance)))
-    at, here = _flat_of(search, fit), flat(scale.model(fit))
+    here = flat(scale.model(fit))
     for name, value in given.items():
         if name != DELAY and name in here:
-            row = _slope(lambda x, name=name: at(x)[name], fit.total, len(covariance))  # type: ignore[misc]
-            left = left.where(row, value - here[name])
+            left = left.where(_slope(search, fit, name, len(covariance)), value - here[name])
     beside = {n for n in told if n not in given and n.partition(".")[0] not in own}
     forces = [n for n in told if n in beside and told[n].grade in left_open and _is_force(n)]
     for name in sorted(forces, key=lambda n: abs(told[n].value) / max(told[n].std_error, 1e-300)):
-        row = _slope(lambda x, name=name: at(x)[name], fit.total, len(covariance))  # type: ignore[misc]
+        row = _slope(search, fit, name, len(covariance))
         if left.may_be(row, -here[name]):
             left = left.where(row, -here[name])
     mean, linear = left.mean.copy(), len(fit.total)
@@ -213,12 +212,11 @@ def values_of(search: Search, first: Explanation, wanted: Sequence[str] | None) 
     """Weak ones, or those that were asked for, with their slopes."""
     estimates = search.problem.values(first.fit).estimates
     if wanted is None:
-        weak = [n for n, e in estimates.items() if e.grade in ("weak", "not") and not e.held]
-        wanted = [n for n in weak if not _of_angle(n)]
-    found, at = [], _flat_of(search, first.fit)
+        wanted = [n for n, e in estimates.items() if e.grade in ("weak", "not") and not (e.held or _of_angle(n))]
+    found = []
     for name in wanted:
         value, error = estimates[name].value, estimates[name].std_error
-        slope = _slope(lambda x, name=name: at(x)[name], first.model.total, first.model.size - 1)  # type: ignore[misc]
+        slope = _slope(search, first.fit, name, first.model.size - 1)
         size = search.problem.recordings[0].sample_time if name == DELAY else abs(value)
         found.append(Value(name, size, error, slope))
     return tuple(found)
@@ -230,14 +228,10 @@ def _of_angle(name: str) -> bool:
     return bool(value) and get_effect(effect).parameter(value).whole_turn
 
 
-def _flat_of(search: Search, fit: Fit) -> Callable[[Array], dict[str, float]]:
-    scale = search.problem.scale
-    return lambda change: flat(scale.model(_changed(fit, change)))
-
-
-def _slope(value: Callable[[Array], float], total: Array, size: int) -> Array:
-    """Numerical, over coefficients and logarithms of shapes, shape (m,)."""
-    steps = np.concatenate([1e-4 * np.maximum(np.abs(total), 1e-3 * abs(total[AT_INERTIA])), np.full(size, 1e-4)])
+def _slope(search: Search, fit: Fit, name: str, size: int) -> Array:
+    """Of a value over coefficients and logarithms of shapes, numerical, shape (m,)."""
+    total = np.abs(fit.total)
+    steps = np.concatenate([1e-4 * np.maximum(total, 1e-3 * total[AT_INERTIA]), np.full(size, 1e-4)])
     steps = steps[:size]
     steps[SHARE] = 1e-3
     found = np.zeros(size)
@@ -246,5 +240,6 @@ def _slope(value: Callable[[Array], float], total: Array, size: int) -> Array:
             continue
         change = np.zeros(size)
         change[i] = step
-        found[i] = (value(change) - value(-change)) / (2.0 * step)
+        more, less = (flat(search.problem.scale.model(_changed(fit, x)))[name] for x in (change, -change))
+        found[i] = (more - less) / (2.0 * step)
     return found

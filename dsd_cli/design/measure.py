@@ -116,14 +116,10 @@ class Measure(Expectation):
 
     def _shown(self, planned: Products) -> Array:
         """Nats by which each of the catalogue's effects is distinguished from any other, shape (m,)."""
-        return self.reach.shown(self._reached(self._with_logs(planned))) / self.search.noise.nats
-
-    def _reached(self, products: Products) -> Array:
-        size = self.reach.model.size
-        return products.grams[-1, :size, :size]
+        return self.reach.shown(self._with_logs(planned).grams[-1]) / self.search.noise.nats
 
     def sized_by(self, motions: Sequence[Products]) -> Measure:
         """The same, the catalogue's effects as large as is of use in the motions with these inner products."""
         found = copy(self)
-        found.reach = self.reach.sized([self._reached(one) for one in motions])
+        found.reach = self.reach.sized([one.grams[-1] for one in motions])
         return found

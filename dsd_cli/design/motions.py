@@ -235,7 +235,7 @@ def generator_values(part: Part, room: Room) -> dict[str, list[float]]:
         return {
             "frequency_hz": frequencies.tolist(),
             "amplitude": (size * sizes).tolist(),
-            "phase_rad": phases.tolist(),
+            "phase_rad": (phases + 0.0).tolist(),
             "fade_s": [share * last],
         }
     if part.kind == "chirp":

@@ -28,11 +28,11 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.controllers import ControllerSettings
-from dsd_cli.plant.model import ObserverSettings
+from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Array
 
-#: Plants of each explanation while the motion is looked for, and for what is said of it.
-_DRAWS_IN_SEARCH, _DRAWS_SAID = 2, 4
+#: Plants of each explanation in the search, and for what is said; share of the way that is made: else it sticks.
+_DRAWS_IN_SEARCH, _DRAWS_SAID, _FOLLOWED = 2, 4, 0.5
 
 Report = Callable[[str, float], None]
 
@@ -160,13 +160,15 @@ class _Asked:
         """
         room, loops, targets, most = self.room, self._loops(measure), measure.targets, self.room.limits.u
         allowed = room.limits if self.wanted.controller else slowed(room.limits, ROOM)  # other gains answer differently
-        plants = plants_of(targets, measure.likely, joined(parts, room), room, loops)
-        kept = verified(targets, plants, parts, room, loops, allowed)
+        plants, led = plants_of(targets, measure.likely, joined(parts, room), room, loops)
+        kept = verified(targets, plants, led, parts, room, loops, allowed)
         whole, first = TIMES * kept.parts, kept.runs[0, 0, 0]
-        like = measure.like
+        like, position = measure.like, joined(whole, room)
+        if np.ptp(first.path.position) < _FOLLOWED * np.ptp(position):
+            raise TooNarrowError("within the limits u does not break friction away", "widen --limit u")
         if not as_logged(like.template, first.path, first.u, like.rest_speed).pieces[0]["velocity"].any():
             raise TooNarrowError("within the limits a motion is so small that no sensor shows it", "widen them")
-        motion = _motion(measure, joined(whole, room), room, self.wanted)
+        motion = _motion(measure, led, position, room, self.wanted)
         seen = used(self.limits, motion.position, motion.velocity, motion.u)  # the search takes shapes of rivals by it
         told = Measure(self.search, targets, 1, measure.open, seen)
         paths = {i: run.path.resampled(room.step) for (i, draw, loop), run in kept.runs.items() if draw == loop == 0}
@@ -237,13 +239,13 @@ def _smallest(measure: Measure, paths: Mapping[int, Path], most: float, expected
     return measure.least(expected) if measure.open else measure.smallest(measure.of_paths(paths, most))
 
 
-def _motion(measure: Measure, position: Array, room: Room, wanted: Wanted) -> Motion:
+def _motion(measure: Measure, led: PlantModel, position: Array, room: Room, wanted: Wanted) -> Motion:
     """The reference at the samples of the user's controller: at rest until u can act, so that it begins with the u that
     holds the axis there."""
     step = measure.like.template.sample_time if math.isnan(wanted.rate) else wanted.rate
     position = np.pad(position, (_steps_of_delay(measure, room), 0), mode="edge")
     path = Path.of(position, room.step).resampled(step)
-    u = np.clip(command_for(measure.targets.explanations[0].fitted, path), -room.limits.u, room.limits.u)
+    u = np.clip(command_for(led, path), -room.limits.u, room.limits.u)
     return Motion(step, path.position, path.velocity, np.gradient(path.velocity, step), u)
 
 

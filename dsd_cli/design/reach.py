@@ -70,7 +70,7 @@ class Reach:
         return replace(self, sizes=POLICY.much_force**2 * squares[0] / np.maximum(rows, 1e-300))
 
     def shown(self, gram: Array) -> Array:
-        """Square of each row that no other effect can take, shape (m,); `gram` : of the model, shape (P, P)."""
+        """Square of each row that no other effect can take, shape (m,); `gram` : begins with the model's."""
         if not self.effects:
             return np.empty(0)
         # the drive is the sum of the others

@@ -13,6 +13,7 @@ from dsd_cli.design.limits import Limits, TooNarrowError
 from dsd_cli.design.motions import FADES, Part, Room
 from dsd_cli.design.optimise import TIMES, joined
 from dsd_cli.design.targets import Targets
+from dsd_cli.effects import Role, get_effect
 from dsd_cli.errors import DataError
 from dsd_cli.identify.results import NONE
 from dsd_cli.plant.model import PlantModel
@@ -21,10 +22,8 @@ from dsd_cli.signals.log import Array
 #: By how much a part shrinks at least and at most that broke a limit under the loop, how often, and the share of its
 #: size in which any explanation must be able to move the axis.
 _SHRINK, _SHRINK_MOST, _SHRINKS, GENTLE = 0.9, 0.5, 12, 0.05
-#: Share of a limit that a smaller part aims at.
-_KEPT = 0.97
-#: s between samples by which draws are compared.
-_COARSE = 0.02
+#: Share of a limit that a smaller part aims at; s between samples by which draws are compared.
+_KEPT, _COARSE = 0.97, 0.02
 
 #: Place of an explanation, of one of its draws, and of a loop. The first loop runs the fitted plant (0) and the draw
 #: that needs most u; the last one that and the draw for which the feedforward lacks most.
@@ -47,17 +46,17 @@ class Verified:
 def verified(
     targets: Targets,
     plants: Mapping[Key, PlantModel],
+    led: PlantModel,
     parts: tuple[Part, ...],
     room: Room,
     loops: Sequence[Loop],
     allowed: Limits,
 ) -> Verified:
     """Parts shrink until no plant (`plants_of`) breaks a limit in any of the loops, the motion made as often as it will
-    be: an axis that cogging has caught in another valley begins again from there.
+    be: an axis that cogging has caught in another valley begins again from there. led : whose u is fed forward.
 
-    Where the explanations are doubtful, one that goes on any motion beyond what the logs reached, too, is not the
-    axis that made them, and is not counted. Nor is a draw whose loop is not stable or, where nobody knows what is
-    missing, that does so even at rest; that is said.
+    A doubtful explanation that goes on any motion beyond what the logs reached, too, is not the axis that made them,
+    and not counted; nor is, and that is said, a draw whose loop is not stable or that does so where all is unknown.
 
     Raises
     ------
@@ -70,14 +69,14 @@ def verified(
     for _ in range(_SHRINKS * len(order)):
         rested = np.pad(joined(TIMES * parts, room), (round(SETTLE / room.step), 0), mode="edge")
         wanted, runs = Path.of(rested[:: round(loops[0].step / room.step)], loops[0].step), dict[Key, Run]()
-        planned, why, narrow = (wanted, command_for(targets.explanations[0].fitted, wanted)), "", set[str]()
+        planned, why, narrow = (wanted, command_for(led, wanted)), "", set[str]()
         try:
             for key in order:
                 runs[key] = run_loop(plants[key], loops[key[2]], planned, allowed)
                 if runs[key].exceeded(allowed):
                     break
             else:
-                return Verified(parts, runs, tuple(lost), tuple(unstable))
+                return Verified(parts, runs, tuple(lost), tuple(dict.fromkeys(unstable)))
             smaller = _smaller(parts, runs[key], room, allowed, last.setdefault(key, {}))
             if all(now.scale >= GENTLE * first.scale for now, first in zip(smaller, wide, strict=True)):
                 parts, order = smaller, [key, *(k for k in order if k != key)]  # who broke a limit is asked first
@@ -133,16 +132,21 @@ def _smaller(
 
 def plants_of(
     targets: Targets, likely: Collection[int], position: Array, room: Room, loops: Sequence[Loop]
-) -> dict[Key, PlantModel]:
-    """Those that are run of each likely explanation, for a motion; delay : of the model, s."""
+) -> tuple[dict[Key, PlantModel], PlantModel]:
+    """(those that are run of each likely explanation, for a motion; the one whose u is fed forward: the first as
+    fitted, with the friction of its draw that brakes the motion least: friction that is fed forward and is not there
+    drives the axis on, and from rest to rest no other force does work)."""
     stride = max(int(_COARSE / room.step), 1)
     path, found = Path.of(position[::stride], stride * room.step), dict[Key, PlantModel]()
-    first = targets.explanations[0].fitted
-    added = command_for(first, path)
+    first = targets.explanations[0]
+    least = min(first.draws, key=lambda m: float(command_for(m, path) @ path.velocity))
+    friction = {n: v for n, v in least.effects.items() if get_effect(n).role is Role.FRICTION}
+    led = replace(first.fitted, effects={**first.fitted.effects, **friction})
+    added = command_for(led, path)
     for i in {0, *likely}:
         draws = targets.explanations[i].draws
         needs = np.array([command_for(m, path, 3.0 * room.limits.u) for m in draws])
         for loop, lacking in ((0, needs), (len(loops) - 1, needs - added)):
             for draw in (0, int(np.argmax(np.abs(lacking).max(axis=1)))):
                 found[i, draw, loop] = draws[draw]
-    return found | dict.fromkeys(((0, _BELIEVED, 0), (0, _BELIEVED, len(loops) - 1)), targets.believed)
+    return found | dict.fromkeys(((0, _BELIEVED, 0), (0, _BELIEVED, len(loops) - 1)), targets.believed), led

@@ -274,6 +274,9 @@ def test_limits_hold_with_what_explains_the_poor_log_as_well(
         ("cogging", "small", 120019, "speed40k", (1.5950, 19.567, 0.07294, (-0.58205, 0.86810))),
         # a sixth of a wave: a weight of ten times u, well identified, that would be no weight at all where it may stand
         ("cogging", "small", 121019, "speed40k", (4.6702, 89.142, 31.197, (-0.8262, 0.8941))),
+        # friction that falls with the speed, of which 9 % too much was fed forward: in a loop as stiff as the machine's
+        # the axis swings
+        ("stribeck_friction", "one way", 121028, "enc4096", (3.9328, 60.640, 14.916, (-0.48704, 1.24975))),
     ],
 )
 @pytest.mark.usefixtures("quick")
@@ -287,14 +290,16 @@ def test_limits_of_half_of_what_a_machine_does_hold(
     assert plan.motion is not None
     t = np.arange(len(plan.motion.position)) * plan.motion.step
     _, exact = follow(asked.case, asked.trial, t, (plan.motion.position, plan.motion.velocity, plan.motion.u), take=4)
-    assert plan.limits.exceeded(exact.q, exact.v, np.zeros(1), exact.u) == {}
+    width = round(0.02 / float(np.median(np.diff(exact.t))))
+    smooth = np.convolve(exact.acceleration, np.ones(width) / width, "same")
+    assert plan.limits.exceeded(exact.q, exact.v, smooth, exact.u) == {}
 
 
 def test_limits_below_what_breaks_friction_away_are_refused() -> None:
     """The log reached twice the u of these limits, so that an effect that needs more than they allow is there yet."""
     asked = poor("stribeck_friction", "short", 117058, "speed40k")
     assert asked.diagnosis.verdict == "stribeck_friction"
-    with pytest.raises(TooNarrowError, match=r"no motion keeps the limits with every likely plant: .*u \("):
+    with pytest.raises(TooNarrowError, match="does not break friction away"):
         asked.plan(limits={name: (0.5 * low, 0.5 * high) for name, (low, high) in asked.limits.items()})
 
 
@@ -340,7 +345,7 @@ def test_other_values_of_what_nobody_believes_make_no_limit_too_narrow(
 
 def test_a_motion_that_no_sensor_shows_is_refused(tied: Asked) -> None:
     with pytest.raises(TooNarrowError, match="no sensor shows it"):
-        tied.plan(limits={**tied.limits, "velocity": (0.0, 1e-6)})
+        tied.plan(limits={**tied.limits, "jerk": (0.0, 1e-6)})
 
 
 @pytest.mark.usefixtures("quick")
@@ -602,7 +607,8 @@ def test_what_stands_beyond_a_limit_before_it_moves_ends_no_plan_for_the_catalog
 
 @pytest.mark.usefixtures("quick")
 def test_limits_hold_with_the_delay_of_the_model_too(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A slow log may say that there is no delay; a loop that nobody described is as slow as the longest one asks."""
+    """A slow log may say that there is no delay; loops that nobody described are as slow as the longest one asks: at
+    the crossover it turns the phase by half a radian at most."""
     seen: list[tuple[PlantModel, Loop]] = []
 
     def runs(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits: Limits) -> Run:
@@ -614,8 +620,9 @@ def test_limits_hold_with_the_delay_of_the_model_too(tied: Asked, monkeypatch: p
     search = Search(replace(tied.search.problem, model=model))
     plan_next(search, tied.whole, tied.diagnosis, tied.observer, Wanted(limits=tied.limits, seconds=(3.0,)))
     assert max(plant.delay for plant, _ in seen) == 0.04
-    assert len({loop.controller.gains for _, loop in seen}) == 1
-    assert seen[0][1].controller.gains.kd < 0.3 / 0.04 * seen[0][0].inertia
+    fastest = [loop.controller.gains.kd / seen[0][0].inertia for _, loop in seen]
+    assert len(set(fastest)) == 2
+    assert max(fastest) * 0.04 < 0.5
 
 
 def test_in_doubt_the_delay_is_that_of_the_model(tied: Asked) -> None:
