@@ -60,8 +60,15 @@ def closed(job: tuple[Config, list[str], Request, bool], command: str, output: s
         experiments.append(_experiment(reference, log, answer.diagnosis, open_now))
         say(quiet, f"experiment {k}: {answer.diagnosis.verdict}, left open: {', '.join(open_now) or 'nothing'}")
         if not open_now:
+            answer = replace(answer, plan=_without_motion(answer.plan))
             break
     return replace(answer, experiments=tuple(experiments))
+
+
+def _without_motion(plan: Plan) -> Plan:
+    """Nothing is left open: no motion is asked for."""
+    nothing = dict.fromkeys(("stages", "pairs", "values", "not_counted", "impossible", "cost"), ())
+    return replace(plan, motion=None, reached={}, **nothing)  # type: ignore[arg-type]
 
 
 def misled(together: Diagnosis, alone: Diagnosis) -> bool:
@@ -116,12 +123,16 @@ def _run(words: Sequence[str], plan: Plan, reference: Path, log: Path, quiet: bo
     places = {"{reference}": str(reference.resolve()), "{log}": str(log.resolve())}
     filled = [re.sub(r"\{reference\}|\{log\}", lambda found: places[found[0]], word) for word in words]
     say(quiet, "dsd: " + shlex.join(filled))
+    code = None
     try:
-        done = subprocess.run(filled, check=False, stdout=subprocess.DEVNULL)
+        code = subprocess.run(filled, check=False, stdout=subprocess.DEVNULL).returncode
     except OSError as error:
         raise UsageError(f"--run-with {filled[0]}: cannot be run", error.strerror or str(error)) from None
-    if done.returncode != 0:
-        raise DataError(f"{filled[0]} ended with exit code {done.returncode}", f"run it by hand with {reference}")
+    finally:
+        if code != 0 and log.is_file():  # a part of a log, which the same command must not take for its log
+            log.replace(log.with_stem(f"{log.stem}-failed"))
+    if code != 0:
+        raise DataError(f"{filled[0]} ended with exit code {code}", f"run it by hand with {reference}")
     if not log.is_file():
         raise DataError(f"{filled[0]} left no {log}", "it must write the log where {log} says")
 

@@ -94,7 +94,7 @@ def plan(
     no motion identifies. Every likely plant has followed the motion in simulation, under [simulate.controller] if
     there is one, and kept the limits.
     """
-    from dsd_cli.cli.identification import check_logs
+    from dsd_cli.cli.identification import check_logs, say
     from dsd_cli.cli.pictures import check_plot
     from dsd_cli.cli.plan_request import names_of, request, told_by
 
@@ -108,11 +108,14 @@ def plan(
     asked: Request = request(settings, names_of(wanted, diagnosis), numbers, told_by(diagnosis))
     if run_with is None:
         answer = _once(settings, log, asked, quiet)
-        _written(answer, output, joint)
     else:
         answer = _looped((settings, log, asked, quiet), run_with, output, experiments)
+    _written(answer, output, joint)
     _shown(answer, output, form, quiet)
-    if plot is not None:
+    planned = answer.plan
+    if plot is not None and planned.motion is None and not (planned.pairs or planned.values):
+        say(quiet, f"{plot}: not drawn, nothing is left open")
+    elif plot is not None:
         from dsd_cli.cli.pictures import put_picture
         from dsd_cli.report.plots_plan import draw
 
@@ -171,5 +174,5 @@ def _shown(answer: Answer, output: str, form: Format, quiet: bool) -> None:
         print_json(to_json(answer.plan, answer.experiments, output))
     elif output != "-" or not quiet:
         print_table(answer.plan, answer.experiments, sys.stderr if output == "-" else sys.stdout)
-    if output != "-" and answer.plan.motion is not None and not answer.experiments:
+    if output != "-" and answer.plan.motion is not None:
         say(quiet, f"wrote {output}")

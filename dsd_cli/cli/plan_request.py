@@ -128,6 +128,8 @@ def request(settings: Config, names: tuple[str, ...], numbers: Numbers, told: To
     begin = section.start if start is None else start
     if rate is not None and not rate > 0.0:
         raise UsageError(f"--sample-time {rate:g}", "must be above 0, in s")
+    if begin is not None and not math.isfinite(begin):
+        raise UsageError(f"--start {begin:g}", "must be a position")
     lengths = (section.seconds,) if seconds is None else _lengths(seconds)
     return Request(
         Wanted(
@@ -163,8 +165,10 @@ def _limit(text: str) -> tuple[str, tuple[float, float]]:
         numbers = [float(x) for x in ((low, high) if colon else (low,))]
     except ValueError:
         raise UsageError(f"--limit {text}: not a number", form) from None
-    if not all(math.isfinite(x) for x in numbers) or (colon and name != "position"):
-        raise UsageError(f"--limit {text}", form)
+    if not all(math.isfinite(x) for x in numbers):
+        raise UsageError(f"--limit {text}: must be finite", form)
+    if colon and name != "position":
+        raise UsageError(f"--limit {text}: one size, of either sign", form)
     if len(numbers) == 1 and not numbers[0] > 0.0:
         raise UsageError(f"--limit {text}: must be above 0", form)
     return name, (numbers[0], numbers[1]) if colon else (-numbers[0], numbers[0])
@@ -239,6 +243,9 @@ def plan_for(
         wanted = replace(wanted, names=names)
     if not wanted.names and found.blocked and not constant_u(given.recordings):  # that a motion does mend
         raise UsageError("no motion mends this", found.blocked)
+    band = kept[-1][0].equations.band.hz
+    if wanted.rate > (longest := 0.5 / band):
+        raise UsageError(f"--sample-time {wanted.rate:g}", f"motions go up to {band:.3g} Hz: at most {longest:.3g} s")
     plan = plan_next(*kept[-1], found, given.observer, wanted, progress)
     return replace(plan, units=given.settings.signals.units, warnings=(*plan.warnings, *skipped)), found
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -61,13 +62,13 @@ def _quoted(name: str) -> str:
     return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
-def _c(motion: Motion, _: str) -> str:
-    """C99: one row per sample time."""
+def _c(motion: Motion, _: str, kept: str = "") -> str:
+    """C99: one row per sample time. `kept` : "static " in a header, which several files may include."""
     head = [
         f"/* {len(motion.position)} samples, {motion.step:.9g} s apart: {', '.join(COLUMNS[1:])} */",
         f"#define PLAN_SAMPLES {len(motion.position)}",
         f"#define PLAN_SAMPLE_TIME {motion.step:.9g}",
-        "static const double plan[PLAN_SAMPLES][4] = {",
+        f"{kept}const double plan[PLAN_SAMPLES][4] = {{",
     ]
     rows = ["  {" + ", ".join(f"{x:.9g}" for x in row[1:]) + "}," for row in _table(motion).tolist()]
     return "\n".join([*head, *rows, "};"]) + "\n"
@@ -100,6 +101,6 @@ _WRITERS: dict[str, Callable[[Motion, str], str]] = {
     ".yaml": _yaml,
     ".yml": _yaml,
     ".c": _c,
-    ".h": _c,
+    ".h": partial(_c, kept="static "),
     ".st": _st,
 }

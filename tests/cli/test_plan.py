@@ -92,6 +92,8 @@ def test_a_length_is_judged_by_what_is_said_of_it(planned: dict) -> None:
 def test_other_files_hold_the_same_numbers(folder: Path, planned: dict) -> None:
     wanted = columns(folder / "next.csv")
     yaml, c, st = (motion_text(read_motion(wanted), suffix, "arm") for suffix in (".yaml", ".h", ".st"))
+    assert "static" in c
+    assert "static" not in motion_text(read_motion(wanted), ".c")  # other files have it by its name
     assert yaml.startswith('joint_names:\n  - "arm"\npoints:\n')
     for key, column in (("positions", "position"), ("velocities", "velocity"), ("effort", "u_feedforward")):
         found = [float(x) for x in re.findall(rf"\b{key}: \[(.*)\]", yaml)]
@@ -207,6 +209,8 @@ def test_where_the_logs_may_have_misled_both_ways_are_said() -> None:
         (("-o", "next.csv", "--seconds", "60:5"), "--seconds 60:5"),
         (("-o", "next.csv", "--for", "rust"), "neither an effect nor a value"),
         (("-o", "next.csv", "--start", "9"), "plan.start = 9"),
+        (("-o", "next.csv", "--start", "nan"), "must be a position"),
+        (("-o", "next.csv", "--sample-time", "5"), "motions go up to"),
         (("-o", "next.csv", "--diagnosis", "small.csv"), "no result of dsd diagnose"),
         (("-o", "next.csv", "--run-with", "echo {log}"), "has no {reference}"),
         (("-o", "-", "--run-with", "echo {log} {reference}"), "--run-with needs a file"),
@@ -223,6 +227,8 @@ def test_what_is_refused(folder: Path, arguments: tuple[str, ...], text: str) ->
     [
         (lambda: _limit("velocity=fast"), "not a number"),
         (lambda: _limit("u=0"), "must be above 0"),
+        (lambda: _limit("velocity=nan"), "must be finite"),
+        (lambda: _limit("u=1:2"), "one size, of either sign"),
         (lambda: command_words("echo '{log} {reference}"), "close the quotes"),
     ],
 )
@@ -256,6 +262,8 @@ def test_the_loop_ends_when_nothing_is_left_open(folder: Path) -> None:
     told = json.loads(done(*words, cwd=folder, effects=RIVALS).stdout)
     last = told["experiments"][-1]
     assert (last["verdict"], last["left_open"]) == ("gravity", [])
+    assert (told["output"], told["pairs"], told["values"]) == (None, [], [])  # no motion is asked for
+    assert not (folder / "auto.csv").exists()
     assert (folder / "auto-1.csv").is_file()
     assert (folder / "auto-1-log.csv").is_file()
     assert len((folder / "runs.txt").read_text().splitlines()) == len(told["experiments"])
@@ -342,6 +350,9 @@ def test_a_broken_limit_or_command_ends_the_loop(tmp_path: Path, monkeypatch: py
     Path("rig.py").write_text(STAND + "sys.exit(3)\n")
     with pytest.raises(DataError, match="ended with exit code 3"):
         closed_with(command, monkeypatch)
+    # what it left is no log of the whole motion
+    assert not Path("auto-1-log.csv").exists()
+    assert Path("auto-1-log-failed.csv").is_file()
 
 
 def test_a_u_that_was_constant_is_what_a_motion_mends(folder: Path) -> None:
