@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, field, replace
 
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.final_fit import Ended, add_effect, ended
@@ -97,23 +97,19 @@ def improve(
             climb.settings = replace(climb.settings, begun=last.whole_model, begun_with=_taken_of(set_before, chosen))
 
 
+@dataclass
 class _Climb:
     """The steps so far."""
 
-    def __init__(
-        self,
-        recordings: Sequence[Recording],
-        observer: ObserverSettings,
-        settings: Settings,
-        holdout: Sequence[Recording],
-        on_step: Callable[[Step], None],
-    ) -> None:
-        self.recordings, self.settings, self.holdout, self._on_step = recordings, settings, holdout, on_step
-        self.observer = observer
-        self.mended: Mended | None = None
-        self.steps: list[Step] = []
-        self.added: dict[str, Missing] = {}
-        self.levels: tuple[LogLevels, ...] = ()
+    recordings: Sequence[Recording]
+    observer: ObserverSettings
+    settings: Settings
+    holdout: Sequence[Recording]
+    on_step: Callable[[Step], None]
+    mended: Mended | None = None
+    steps: list[Step] = field(default_factory=list)
+    added: dict[str, Missing] = field(default_factory=dict)
+    levels: tuple[LogLevels, ...] = ()
 
     def as_asked(self, last: Diagnosis) -> tuple[Sequence[Recording], Sequence[Recording]]:
         """(recordings, held-out ones) of the last answer, with which the climb goes on; what was wrong with the others
@@ -139,7 +135,7 @@ class _Climb:
         kind = _KINDS.get(effect, kind)
         step = Step(len(self.steps), effect, score, values, model, kind, self._with_mean(values))
         self.steps.append(step)
-        self._on_step(step)
+        self.on_step(step)
         return model
 
     def _with_mean(self, values: Estimates) -> tuple[LogLevels, ...]:

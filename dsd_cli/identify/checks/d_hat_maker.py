@@ -46,7 +46,8 @@ def maker_by_motion(
     stretches: Sequence[Stretch], observer: ObserverSettings, makers: Sequence[Maker] = MAKERS
 ) -> Known | None:
     """The one of `makers`; None where u, d_hat or the motion is not logged, or too little of it."""
-    sides = [side for s in stretches if (side := _sides(_part(s))) is not None]
+    parts = [_part(s) for s in stretches if s.u is not None and s.d_hat is not None]
+    sides = [(s, speed) for s in parts if (speed := s.speed) is not None]
     if not sides:
         return None
     asked = list(dict.fromkeys([Maker(), *makers]))
@@ -83,15 +84,6 @@ def check_maker(stretches: Sequence[Stretch], observer: ObserverSettings, undone
 def _part(s: Stretch) -> Stretch:
     u, position, velocity, d_hat = (None if x is None else x[:_MOST] for x in (s.u, s.position, s.velocity, s.d_hat))
     return replace(s, t=s.t[:_MOST], u=u, position=position, velocity=velocity, d_hat=d_hat)
-
-
-def _sides(s: Stretch) -> tuple[Stretch, Array] | None:
-    """(stretch, its speed); a position gives the slope over the samples beside each, which is not late."""
-    if s.u is None or s.d_hat is None:
-        return None
-    if s.velocity is not None:
-        return s, s.velocity
-    return None if s.position is None else (s, np.gradient(s.position, s.T))
 
 
 def _rows(T: float, x: Array | None, observer: ObserverSettings) -> Array:

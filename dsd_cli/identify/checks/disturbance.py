@@ -15,7 +15,7 @@ import numpy as np
 from dsd_cli.identify.checks.band import Band, difference
 from dsd_cli.identify.checks.results import Finding
 from dsd_cli.identify.checks.scan import LATEST, block_starts, jackknife
-from dsd_cli.identify.checks.stretches import LowPass, Stretch
+from dsd_cli.identify.checks.stretches import LowPass, Stretch, before
 from dsd_cli.identify.checks.view import View
 from dsd_cli.plant.filtering import SETTLED, lowpass
 from dsd_cli.plant.model import ObserverSettings
@@ -98,9 +98,8 @@ def _filtered(s: Stretch, band: Band, cutoff: float, observer: ObserverSettings)
     if s.d_hat is None or s.u is None or measured is None:
         return None
     a, keep = difference(measured, s.T, band.source), LowPass(s.T, cutoff)
-    force = observer.nominal_inertia * 0.5 * (a + np.concatenate([a[:1], a[:-1]]))
-    before = np.concatenate([s.u[:1], s.u[:-1]])  # d_hat_k has seen u up to u_{k-1}
-    return _Filtered(keep, keep(s.d_hat), keep(force), keep(before))
+    force = observer.nominal_inertia * 0.5 * (a + before(a))
+    return _Filtered(keep, keep(s.d_hat), keep(force), keep(before(s.u)))  # d_hat_k has seen u up to u_{k-1}
 
 
 def _fit(d_hat: Array, columns: Array, tau: float) -> Observed:
@@ -183,20 +182,17 @@ def check_alone(stretches: Sequence[Stretch], observer: ObserverSettings) -> lis
 
 def _sides(s: Stretch, observer: ObserverSettings) -> tuple[Array, Array] | None:
     """(net force, u at each delay), shapes (rows,) and (rows, delays), the first delay 0."""
-    if s.u is None or s.d_hat is None:
+    force, T, tau = s.net_force(observer), s.T, observer.time_constant
+    if s.u is None or force is None:
         return None
-    T, tau = s.T, observer.time_constant
     keep = LowPass(T, min(_CUTOFF, _SHARE / T))
-    pole = float(np.exp(-T / tau)) if tau > 0.0 else 0.0
-    before = np.concatenate([s.u[:1], s.u[:-1]])  # d_hat_k has seen u up to u_{k-1}
-    undone = observer.sign * (s.d_hat - pole * np.concatenate([s.d_hat[:1], s.d_hat[:-1]])) / (1.0 - pole)
     longest = int(min(LATEST, 0.2 * s.t.size * T) / T)
     delays = np.concatenate([[0], np.arange(2, longest, max(int(1.0 / (16.0 * keep.cutoff * T)), 1))])
     rows = keep.rows(s.t.size, longest)
     rows = rows[rows > keep.half + longest + SETTLED * tau / T]
     if rows.size < 50 or delays.size < 3:
         return None
-    return keep(undone + before)[rows], keep(before)[rows[:, None] - delays]
+    return keep(force)[rows], keep(before(s.u))[rows[:, None] - delays]
 
 
 def _shares(force: Array, u: Array) -> tuple[float, float, float]:

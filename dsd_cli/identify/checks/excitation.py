@@ -35,14 +35,16 @@ def excitation(stretches: Sequence[Stretch], band: Band | None, cutoff: float) -
         return Excitation(None, *_turns(us), None, None, limit)
     T, noise = stretches[0].T, 0.0 if band is None else band.speed_noise
     every = np.concatenate(speeds)
-    rest = max(REST * _rms_moving(every), DEVIATIONS * noise)
+    size = np.abs(every)
+    fast = float(np.sqrt(2.0 * np.mean(size**2 * (size >= np.median(size)))))  # long rests do not count
+    rest = max(REST * fast, DEVIATIONS * noise)
     travel = max((float(np.ptp(np.cumsum(v) * T)) for v in speeds), default=0.0)
     runs = [run for v in speeds for run in _runs(v, rest, SMALL * travel / T)]
     return Excitation(
-        float(np.mean(np.abs(every) > rest)) if rest > 0.0 else 0.0,
+        float(np.mean(size > rest)) if rest > 0.0 else 0.0,
         sum(run > 0 for run in runs),
         sum(run < 0 for run in runs),
-        float(np.abs(every).max()),
+        float(size.max()),
         travel,
         limit,
     )
@@ -51,14 +53,8 @@ def excitation(stretches: Sequence[Stretch], band: Band | None, cutoff: float) -
 def _speed(s: Stretch, cutoff: float) -> Array | None:
     """Low-passed; as it is where the low-pass has no say of a good part of a short log."""
     keep = LowPass(s.T, cutoff)
-    raw = s.velocity if s.velocity is not None else None if s.position is None else np.gradient(s.position, s.T)
-    short = keep.half > _SAID_OF * s.t.size
+    raw, short = s.speed, keep.half > _SAID_OF * s.t.size
     return raw if raw is None or short else keep(raw)[keep.half : -keep.half]
-
-
-def _rms_moving(v: Array) -> float:
-    """Of the upper half of the speeds, so that long rests do not count."""
-    return float(np.sqrt(np.mean(v**2 * (np.abs(v) >= np.median(np.abs(v)))) * 2.0))
 
 
 def _runs(v: Array, rest: float, least: float) -> list[int]:

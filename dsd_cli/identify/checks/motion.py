@@ -87,11 +87,9 @@ def _lag(first: Array, then: Array, most: int) -> int:
 
 def _from_disturbance(s: Stretch, keep: LowPass, observer: ObserverSettings) -> Motion | None:
     """By Jn a = u + Q^-1 d_hat; speed and position less the line that they drift along."""
-    if s.d_hat is None or s.u is None:
+    if (force := s.net_force(observer)) is None:
         return None
-    pole = observer.pole(s.T)
-    undone = observer.sign * (s.d_hat - pole * np.concatenate([s.d_hat[:1], s.d_hat[:-1]])) / (1.0 - pole)
-    a = keep(undone + np.concatenate([s.u[:1], s.u[:-1]])) / observer.nominal_inertia
+    a = keep(force) / observer.nominal_inertia
     velocity = _levelled(np.cumsum(a) * s.T, s.t)
     position = _levelled(np.cumsum(velocity) * s.T, s.t)
     return Motion(np.concatenate([a[1:], a[-1:]]), velocity, position, velocity, np.inf, keep.cutoff)

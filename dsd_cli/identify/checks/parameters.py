@@ -44,21 +44,13 @@ class _Value:
     value: float
     unit: str
 
-    def changed(self, model: PlantModel, value: float) -> PlantModel:
-        if self.name == "inertia":
-            return model.changed(inertia=value)
-        if self.name == "delay":
-            return model.changed(delay=value)
-        effect, _, parameter = self.name.partition(".")
-        return model.changed(effects={effect: {parameter: value}})
-
     def stepped(self, model: PlantModel) -> tuple[PlantModel, float]:
         """The model with this value a little changed, within its bounds, and by how much."""
         step = _STEP * (abs(self.value) if self.value else 1.0)
         try:
-            return self.changed(model, self.value + step), step
+            return model.with_values({self.name: self.value + step}), step
         except UsageError:
-            return self.changed(model, self.value - step), -step
+            return model.with_values({self.name: self.value - step}), -step
 
 
 def check_parameters(view: View, model: PlantModel | None, observer: ObserverSettings | None) -> tuple[Parameter, ...]:

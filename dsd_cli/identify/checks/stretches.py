@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.plant.filtering import irregular_stamps
+from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.signals.continuous import continuous, in_pieces
 from dsd_cli.signals.log import Array, Log
 
@@ -95,6 +96,25 @@ class Stretch:
     reference: Array | None = None
     wraps: int = 0
     turn: float = 0.0
+
+    @property
+    def speed(self) -> Array | None:
+        """As logged, else the slope of the position over the samples beside each, which is not late."""
+        slope = None if self.position is None else np.gradient(self.position, self.T)
+        return slope if self.velocity is None else self.velocity
+
+    def net_force(self, observer: ObserverSettings) -> Array | None:
+        """Jn a by u + Q^-1 d_hat, shape (n,); None where one of them is not logged."""
+        if self.u is None or self.d_hat is None:
+            return None
+        pole = observer.pole(self.T)
+        undone = (self.d_hat - pole * before(self.d_hat)) / (1.0 - pole)
+        return observer.sign * undone + before(self.u)  # d_hat_k has seen u up to u_{k-1}
+
+
+def before(x: Array) -> Array:
+    """The sample before each, of the first itself."""
+    return np.concatenate([x[:1], x[:-1]])
 
 
 def cut(log: Log, restarts: Sequence[int]) -> list[Stretch]:

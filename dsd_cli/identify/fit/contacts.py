@@ -98,7 +98,7 @@ class Contacts(NamedTuple):
         touching = np.concatenate([x[y != 0] for x, y in zip(pushed, self.flanks, strict=True)])
         if len(inside) < _FEWEST * self.width:
             return math.inf
-        beyond = max(float(np.mean(inside**2)) - (self.motor * pushes.spread(self.width)) ** 2, 0.0)
+        beyond = max(float(np.mean(inside**2)) - (self.motor * pushes.spreads[self.width]) ** 2, 0.0)
         return math.sqrt(beyond / float(np.mean(touching**2)))
 
     def _between(self, pushes: Pushes) -> list[Array]:
@@ -177,7 +177,7 @@ def touched(pushes: Pushes, motor: float, changes: Array, width: int, resting: b
 
     resting : only contacts that outlast a window show their depth; an impact is over before.
     """
-    most, nets = _PUSHED * motor * pushes.spread(width), pushes.net(changes)
+    most, nets = _PUSHED * motor * pushes.spreads[width], pushes.net(changes)
     between = [pushes.smooth(f - motor * a, width) for f, a in zip(nets, pushes.acceleration, strict=True)]
     flanks = [(np.sign(x) * (np.abs(x) > most)).astype(int) for x in between]
     instants = [_instants(x, width) for x in flanks]

@@ -69,7 +69,8 @@ class PriorKnowledge:
 
     def added_to(self, model: PlantModel, effect_id: str) -> PlantModel:
         """The model with an effect in it all of whose values are fixed."""
-        values = {name: self.fixed[f"{effect_id}.{name}"] for name in named_of(effect_id, self.fixed)}
+        prefix = f"{effect_id}."
+        values = {n.removeprefix(prefix): value for n, value in self.fixed.items() if n.startswith(prefix)}
         return model.changed(None, None, {effect_id: values})
 
     def holding(self, model: PlantModel) -> PriorKnowledge:
@@ -131,8 +132,3 @@ def _some_values(effect: Effect) -> dict[str, Any]:
         p.name: () if p.listed else min(max(0.5, p.lower), p.upper if math.isfinite(p.upper) else math.inf)
         for p in effect.parameters
     }
-
-
-def named_of(effect_id: str, names: Iterable[str]) -> list[str]:
-    """The parameters of that effect among names."""
-    return [name.partition(".")[2] for name in names if name.startswith(f"{effect_id}.")]

@@ -114,19 +114,16 @@ class Pushes:
         box = np.full(width, 1.0 / width)
         return centred(x, np.convolve(box, box) if self.two_intervals else box)
 
-    def spread(self, width: int) -> float:
-        """Standard deviation of the noise of a window, unit of acceleration."""
-        return self._spreads[width]
-
     @cached_property
-    def _spreads(self) -> dict[int, float]:
+    def spreads(self) -> dict[int, float]:
+        """Standard deviation of the noise of each window, unit of acceleration."""
         made = self.noise.made(4096, np.random.default_rng(0))
         return {w: float(np.std(self.smooth(made, w)[2 * w : -2 * w])) for w in _WINDOWS}
 
     def widths(self, inertia: float) -> list[int]:
         """Windows: short ones show quick bounces, long ones small forces."""
         usual = math.sqrt(np.mean(np.concatenate(self.forces[0]) ** 2)) / inertia
-        found = [next((w for w in _WINDOWS if self.spread(w) < share * usual), 0) for share in _NOISE]
+        found = [next((w for w in _WINDOWS if self.spreads[w] < share * usual), 0) for share in _NOISE]
         return sorted({w for w in found if w})
 
 

@@ -130,14 +130,10 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
     rest = max(rest_speed, POLICY.rest_deviations * noise, creep)
     pieces = [with_channels(p, turning=_turning(p, observer, rest, margin)) for p in pieces]
     pieces = [with_channels(p, **_limits_of_rest(p["speed_noise"], noise, rest)) for p in pieces]
-    position_noise = _position_noise(log, noise)
+    # of a position that is integrated, what one sample adds
+    position_noise = noise_of(log["position"]) if "position" in log else noise * log.sample_time
     logged = noise_of(log["velocity"]) if "velocity" in log else math.nan
     return Recording(log.source, tuple(pieces), provenance, missing, rest, noise, position_noise, logged, walk, sensor)
-
-
-def _position_noise(log: Log, speed_noise: float) -> float:
-    """Standard deviation of the noise of a logged position; of one that is integrated, what one sample adds."""
-    return noise_of(log["position"]) if "position" in log else speed_noise * log.sample_time
 
 
 def _limits_of_rest(by_sample: Array, noise: float, rest: float) -> dict[str, Array]:
@@ -193,10 +189,8 @@ def _with_motion(
     """
     logged = pieces[0].channels
     if "position" in logged and "velocity" not in logged:
-        found = _smoothed(pieces, parts, "position")
         provenance |= {"velocity": "from position", "position": "logged"}
-        done = _with_speed(pieces, [(s.slope, s.slope_spread) for s in found])
-        return done, max(s.slope_noise for s in found), _widest(found), {}
+        return *_with_speed(pieces, _smoothed(pieces, parts, "position"), slopes=True), {}
     if "velocity" in logged:
         return _with_velocity(pieces, parts, provenance)
     return _reconstructed(pieces, observer, provenance)
@@ -218,23 +212,19 @@ def _with_velocity(
     found = _smoothed(pieces, parts, "velocity")
     if "position" not in pieces[0]:
         provenance |= {"velocity": _word(found), "position": "integrated from velocity"}
-        pieces = _with_speed(pieces, [(s.value, s.value_spread) for s in found])
-        pieces = [with_channels(p, position=_integral(p["velocity"], p["t"])) for p in pieces]
-        return pieces, max(s.value_noise for s in found), _widest(found), {}
+        pieces, noise, width = _with_speed(pieces, found)
+        return [with_channels(p, position=_integral(p["velocity"], p["t"])) for p in pieces], noise, width, {}
     slopes = _smoothed(pieces, parts, "position")
-    provenance["position"] = "logged"
-    if max(s.slope_noise for s in slopes) < max(s.value_noise for s in found):
-        provenance["velocity"] = "from position"
-        pieces = _with_speed(pieces, [(s.slope, s.slope_spread) for s in slopes])
-        return pieces, max(s.slope_noise for s in slopes), _widest(slopes), {}
-    provenance["velocity"] = _word(found)
-    pieces = _with_speed(pieces, [(s.value, s.value_spread) for s in found])
-    return pieces, max(s.value_noise for s in found), _widest(found), {}
+    quieter = max(s.slope_noise for s in slopes) < max(s.value_noise for s in found)
+    provenance |= {"velocity": "from position" if quieter else _word(found), "position": "logged"}
+    return *_with_speed(pieces, slopes if quieter else found, quieter), {}
 
 
-def _with_speed(pieces: Sequence[Log], speeds: Sequence[tuple[Array, Array]]) -> list[Log]:
-    """The pieces with these speeds and the standard deviations of their noise."""
-    return [with_channels(p, velocity=v, speed_noise=noise) for p, (v, noise) in zip(pieces, speeds, strict=True)]
+def _with_speed(pieces: Sequence[Log], found: Sequence[Smoothed], slopes: bool = False) -> tuple[list[Log], float, int]:
+    """(the pieces with what was smoothed, or its slopes, as their speed, its noise, half width of the smoothing)."""
+    speeds = [(s.slope, s.slope_spread) if slopes else (s.value, s.value_spread) for s in found]
+    done = [with_channels(p, velocity=v, speed_noise=noise) for p, (v, noise) in zip(pieces, speeds, strict=True)]
+    return done, max(s.slope_noise if slopes else s.value_noise for s in found), _widest(found)
 
 
 def _widest(found: Sequence[Smoothed]) -> int:

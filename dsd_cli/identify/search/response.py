@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.contact_play import same_play, seen_by_contacts
@@ -150,7 +149,9 @@ def _swinging(search: Search, whole: Fit) -> _Look | None:
     """The mode that explains the signals best, with the delay brought to where it belongs beside the mode."""
     part = search.excerpt or search
     shown = (COUPLING, PLAY)
-    terms = tuple(t for t in whole.terms if t.id not in shown and (t in search.base or not _stands_in(t)))
+    found = (t for t in whole.terms if t not in search.base)
+    late = {t for t in found if t.effect.role is Role.STRUCTURE or t.effect.lateness is not None}
+    terms = tuple(t for t in whole.terms if t.id not in shown and t not in late)
     fit = part.fit(terms, whole.tap if terms == whole.terms else search.refit.tap)
     delay, step = delay_of(part, fit), search.equations.sample_time
     lowest, highest = POLICY.response_lowest_share * search.equations.band.hz, POLICY.response_highest_share / step
@@ -167,10 +168,6 @@ def _swinging(search: Search, whole: Fit) -> _Look | None:
         modes = Modes(signals)
         look = _Look(part, fit, delay, signals, modes, modes.refined(look.at))
     return look
-
-
-def _stands_in(term: Term) -> bool:
-    return term.effect.role is Role.STRUCTURE or term.effect.lateness is not None
 
 
 @dataclass(frozen=True)

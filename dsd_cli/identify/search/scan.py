@@ -48,18 +48,17 @@ class Scan:
 
         `keep` columns that had to be made, for they will be asked for again.
         """
-        first = term.effect.role is Role.FRICTION and not self._held  # with friction, slow stretches count as rest
-        if first or (self.solver.known and self._under_rule(term)):
+        role = term.effect.role
+        first = role is Role.FRICTION and not self._held  # with friction, slow stretches count as rest
+        # what is known may change more than the columns of the effects that are there
+        ruled = self.solver.known and (role in (Role.INPUT, Role.STRUCTURE) or self.solver.known.concerns(term.id))
+        if first or ruled:
             taps = dict.fromkeys((self.tap, *self._taps_for(term, self.tap))) if not first else (self.tap,)
             return max((self._squares - self.solver.squares((*self.terms, term), n, keep), n) for n in taps)
-        if term.effect.role is not Role.INPUT:
+        if role is not Role.INPUT:
             return self._gain_of_columns(self.solver.bank.columns(term, self.tap, keep, self._held), term), self.tap
         taps = dict.fromkeys((self.tap, *self._taps_for(term, self.tap)))
         return max((self._gain_of_drive(term, n, keep), n) for n in taps)
-
-    def _under_rule(self, term: Term) -> bool:
-        """Whether what is known changes more than the columns of the effects that are there."""
-        return term.effect.role in (Role.INPUT, Role.STRUCTURE) or self.solver.known.concerns(term.id)
 
     def _gain_of_drive(self, term: Term, tap: int, keep: bool) -> float:
         """The change over a further step of delay goes with the changed drive, and its share is not negative."""

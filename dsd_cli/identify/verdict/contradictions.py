@@ -210,14 +210,10 @@ def told_far_off(
         told = known.fixed.get(name, 0.0)
         off = max(each, key=lambda one: abs(one.value - told) / max(one.std_error, 1e-300))
         least = FAR_SAMPLES * sample_time if name == DELAY else FAR_SHARE * abs(off.value)
-        said = _each_said(by_log[name]) if name in by_log else ""
+        logs = by_log[name].logs if name in by_log else ()
+        said = ", ".join(f"{_said(value)} ({log})" for value, log in zip(each, logs, strict=False))
         found.append(_told_otherwise(known, name, off, FAR_DEVIATIONS, least, said))
     return tuple(one for one in found if one is not None and one.hard)
-
-
-def _each_said(levels: LogLevels) -> str:
-    """What each log says by itself."""
-    return ", ".join(f"{_said(value)} ({log})" for log, value in zip(levels.logs, levels.values, strict=True))
 
 
 def _told_otherwise(

@@ -49,7 +49,8 @@ class Verdict:
         self.limits, self._named_for = limits, dict[str, str]()
         self.surest = surest_of(search, whole, limits)
         self.alone = {o.effect: o for o in options}
-        self.alone |= {o.effect: o for o in self._members_alone() if not self._better_known(o)}
+        for one in self._members_alone():
+            self.alone[one.effect] = max(self.alone.get(one.effect, one), one, key=lambda o: o.evidence)
         self.rising = ""  # the effect that would be named, if the held-out error did not rise with it
         self.named, self.sure = self.verdict()
         most = min(self.surest, POLICY.even if self.named == UNKNOWN else 1.0)
@@ -66,9 +67,6 @@ class Verdict:
         base = tuple(t for t in self.whole.terms if t not in added)
         fits = [search.fit((*base, t), self.whole.tap) for t in asked]
         return [Option(fit.terms[-1].id, fit, search.evidence(fit)) for fit in fits]
-
-    def _better_known(self, member: Option) -> bool:
-        return (known := self.alone.get(member.effect)) is not None and known.evidence >= member.evidence
 
     def verdict(self) -> tuple[str, float]:
         """(verdict, probability)."""

@@ -94,7 +94,8 @@ def _fitted_values(search: Search) -> ParameterCheck:
     wrong = sure[0].split(".")[0]
     if wrong in (INERTIA, DELAY) and not _seen_elsewhere(search, believed, fitted.model):
         return ParameterCheck(score, refitted, candidates, "", 0.0, said)
-    if wrong == DELAY and (late := _late_effects(search)):
+    lags = [n for n in search.allowed if get_effect(n).lateness is not None] if wrong == DELAY else []
+    if late := tuple(name for name in lags if _explains_the_delay(search, name)):
         candidates = tuple(replace(c, indistinguishable_from=late if c.effect == DELAY else ()) for c in candidates)
     sure_of_it = min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), POLICY.surest)
     if wrong == DELAY and 2.0 * abs(values[DELAY].value - believed.delay) < (step := problem.equations.sample_time):
@@ -153,12 +154,8 @@ def _seen_elsewhere(search: Search, believed: PlantModel, changed: PlantModel) -
     return surely_less(*(problem.errors.rows_of_model(model)[rows] for model in (believed, changed)))
 
 
-def _late_effects(search: Search) -> tuple[str, ...]:
-    """Effects that make the command late and so explain the recordings as well as another delay does."""
-    return tuple(n for n in search.allowed if get_effect(n).lateness is not None and _explains_the_delay(search, n))
-
-
 def _explains_the_delay(search: Search, effect: str) -> bool:
+    """Whether an effect that makes the command late explains the recordings as well as another delay does."""
     believed = round(search.problem.model.delay / search.solver.bank.tap_time)
     terms = [Term.of(effect, shape) for shape in get_effect(effect).starts(search.ranges)]
     taps = [min(max(believed + d, 0), search.problem.most_tap) for d in (-1, 0, 1)]

@@ -51,13 +51,19 @@ _MOST_LINES = 5
 class UnactedCommand:
     """A part of u that did not act.
 
-    what : which; why : what shows it; question : where it may be from. without : a recording, with u without that part.
+    what : which; why : what is in its place, and what shows it; question : where it may be from. without : a recording,
+    with u without that part. imitators : roles of effects that pass for it.
     """
 
     what: str
     why: str
     question: str
     without: Callable[[Recording], Recording]
+    imitators: tuple[Role, ...]
+
+    def shown(self, why: str) -> UnactedCommand:
+        """This, by what shows it."""
+        return replace(self, why=f"{self.why}, {why}")
 
     @property
     def said(self) -> str:
@@ -78,20 +84,20 @@ def idle_part(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
         return None
     as_found, best, least = problem.scale.model(whole), None, math.inf
     roles = {t.effect.role for t in search.added(whole.terms)}
-    for part in _parts(problem.recordings, search.solver.inertia):
+    for part, taken_off in _parts(problem.recordings, search.solver.inertia):
         most = found * (1.0 + POLICY.nearly_the_same if roles & {*part.imitators} else _AT_MOST)
         forces = {
             name: values for name, values in as_found.effects.items() if get_effect(name).role not in part.imitators
         }
         there = replace(problem.model, effects=forces)
-        without = posed(part.taken_off, there, settings, as_found.delay)
+        without = posed(taken_off, there, settings, as_found.delay)
         left = without.problem.errors.rmse(without.refit)
         if seen is not None and Role.STRUCTURE in part.imitators and not _shows(without, seen.effect):
-            return part.unacted("the response shows no load")
+            return part.shown("the response shows no load")
         better = left < most and left < least and problem.falls(before, left, search.refit)
-        if better and _answered(search, whole, part.taken_off) < _UNANSWERED:
+        if better and _answered(search, whole, taken_off) < _UNANSWERED:
             why = f"forces alone leave {left:.3g}, any effects with u as it is logged {found:.3g}"
-            best, least = part.unacted(why), left
+            best, least = part.shown(why), left
         del without  # as large as the next
     return best
 
@@ -117,36 +123,26 @@ def _shows(search: Search, effect: str) -> bool:
     return response is not None and response.seen is not None
 
 
-@dataclass(frozen=True)
-class _Part:
-    """A part of u that may not have acted; its `why` begins with what is in its place. taken_off : recordings without.
-    imitators : roles of effects that pass for it."""
+def _parts(recordings: Sequence[Recording], inertia: float) -> Iterator[tuple[UnactedCommand, list[Recording]]]:
+    """(a part of u that may not have acted, the recordings without it).
 
-    command: UnactedCommand
-    taken_off: list[Recording]
-    imitators: tuple[Role, ...]
-
-    def unacted(self, why: str) -> UnactedCommand:
-        """This, as what did not act."""
-        return replace(self.command, why=f"{self.command.why}, {why}")
-
-
-def _parts(recordings: Sequence[Recording], inertia: float) -> Iterator[_Part]:
-    """A logger puts spikes into most of its logs; those of a few are kicks of the controller at steps."""
+    A logger puts spikes into most of its logs; those of a few are kicks of the controller at steps.
+    """
     for samples in _MEDIANS:
         without = partial(_despiked, samples=samples)
         smooth = [without(r) for r in recordings]
         if 2 * sum(a is not b for a, b in zip(smooth, recordings, strict=True)) >= len(recordings):
             question = "Is u logged more slowly than the drive runs, or are cells wrong?"
             instead = f"with the median of u over {samples} samples in their place"
-            yield _Part(UnactedCommand("spikes of u", instead, question, without), smooth, (Role.INPUT,))
+            yield UnactedCommand("spikes of u", instead, question, without, (Role.INPUT,)), smooth
     found = [_without_lines(r, inertia) for r in recordings]
     lines = sorted({round(hz, 1) for _, lines in found for hz in lines})
     if lines:  # an axis that stands still at one frequency is what a load does that swings there
         what = f"u at {', '.join(f'{hz:g}' for hz in lines)} Hz"
         question = "Is it hum in a u that was measured, or a tone that the drive does not apply?"
-        command = UnactedCommand(what, "without it", question, lambda r: _without_lines(r, inertia)[0])
-        yield _Part(command, [r for r, _ in found], (Role.INPUT, Role.STRUCTURE))
+        roles = (Role.INPUT, Role.STRUCTURE)
+        part = UnactedCommand(what, "without it", question, lambda r: _without_lines(r, inertia)[0], roles)
+        yield part, [r for r, _ in found]
 
 
 def _despiked(recording: Recording, samples: int) -> Recording:
