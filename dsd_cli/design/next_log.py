@@ -20,7 +20,7 @@ from dsd_cli.design.seen import as_logged
 from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
-from dsd_cli.identify.search.long_logs import searched_with
+from dsd_cli.identify.search.long_logs import Task, searched_with
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel
 
@@ -70,5 +70,5 @@ def _searched(search: Search, plant: PlantModel, path: Path, most: float, draw: 
     path = path.resampled(logs[0].sample_time)  # u between samples of the log would be no word of the delay's
     log = as_logged(logs[0], path, command_for(plant, path, most), model.rest_speed, draw)
     asked = Settings(effects=search.problem.candidates, known=search.solver.known)
-    both, fit = searched_with((*logs, log), plant, model, asked, ())
+    both, fit = searched_with(Task((*logs, log), model, asked), plant)
     return both, both.converged(fit)

@@ -155,8 +155,8 @@ def _needless(search: Search, fit: Fit, newest: str) -> tuple[str, Fit] | None:
     the band shows is not judged by what the band shows.
     """
     seen = {name.partition(".")[0] for name in search.solver.known.seen}
-    older = [t.id for t in search.added(fit.terms) if t.id != newest and t.id not in seen]
-    less = [(name, search.fit(tuple(t for t in fit.terms if t.id != name), fit.tap)) for name in older]
+    older = [t for t in search.added(fit.terms) if t.id != newest and t.id not in seen]
+    less = [(t.id, search.without(fit, t)) for t in older]
     needless = [(name, one) for name, one in less if search.lead(one, fit) <= 0.0 or not search.practical(one, fit)]
     found = max(needless, key=lambda pair: search.evidence(pair[1]), default=None)
     return None if found is None else (found[0], search.converged(found[1]))

@@ -15,6 +15,7 @@ from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Estimate
 from dsd_cli.identify.search.level_fits import Asked
 from dsd_cli.identify.search.levels import _with_their_effects, deviations, levelled
+from dsd_cli.identify.search.long_logs import Task
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.levels import log_levels, said_of, stand_ins
@@ -94,7 +95,7 @@ def three() -> list[Recording]:
 
 @pytest.fixture(scope="module")
 def found(three):
-    return levelled(three, BELIEVED, Settings(effects=NAMES), ())
+    return levelled(Task(tuple(three), BELIEVED, Settings(effects=NAMES)))
 
 
 def test_the_levels_are_found_beside_what_is_missing_and_the_rest_is_noise(found):
@@ -107,8 +108,8 @@ def test_the_levels_are_found_beside_what_is_missing_and_the_rest_is_noise(found
 
 
 def test_a_log_alone_has_no_levels(three):
-    one = levelled(three[:1], BELIEVED, Settings(effects=("gravity", "constant_load")), ())
-    assert (one.levels, one.recordings) == ((), tuple(three[:1]))
+    one = levelled(Task(tuple(three[:1]), BELIEVED, Settings(effects=("gravity", "constant_load"))))
+    assert (one.levels, one.task.recordings) == ((), tuple(three[:1]))
     assert {t.id for t in one.search.added(one.whole.terms)} == {"gravity", "constant_load"}
 
 
@@ -168,7 +169,7 @@ def test_each_log_that_differs_has_a_sentence():
 
 def test_a_weight_that_makes_the_mean_of_loads_gives_way_to_the_load():
     """Gravity was 0.75 N, the loads -0.75 and 2.25 around 0, where they are 0 and 3."""
-    found = levelled(logs([load(-0.05), load(0.15), load(0.2)]), BELIEVED, Settings(effects=NAMES), ())
+    found = levelled(Task(tuple(logs([load(-0.05), load(0.15), load(0.2)])), BELIEVED, Settings(effects=NAMES)))
     search = found.search
     assert [one.name for one in found.levels] == ["constant_load.force"]
     weight = search.fit((*search.base, Term("gravity")), found.whole.tap)

@@ -13,6 +13,7 @@ from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.improve import improve
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.drift_search import searched
+from dsd_cli.identify.search.long_logs import Task
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.identify.verdict.unacted_command import _despiked, _without_lines
@@ -143,7 +144,7 @@ def test_a_sensor_that_does_not_tell_the_direction_makes_no_verdict_sure():
 @pytest.mark.parametrize("sensing", ["speed40k", "enc8192jitter500"])
 def test_usual_sensors_tell_the_direction(sensing):
     recording, model, _ = given(RigCase(what=("coulomb_friction",), seed=4302, sensing=sensing, duration=10.0))
-    search, whole = searched([recording], model, Settings(), ())
+    search, whole = searched(Task((recording,), model, Settings()))
     limits = limits_of(search, whole, Settings(), None)
     moving = [np.abs(s.sign[s.free > 0.0]) for s in search.equations.stretches]
     assert limits.direction == pytest.approx(np.concatenate(moving).mean())
@@ -324,7 +325,7 @@ def test_the_u_of_another_axis_is_said(seed, sensing, duration):
 @pytest.mark.parametrize("what", ["random_walk_load", "swinging_inertia", "gain_asymmetry"])
 def test_a_law_that_no_catalogue_has_makes_no_u_of_another_axis(what):
     recording, model, _ = given(RigCase(what=(what,), seed=20011, sensing="speed40k", duration=5.0))
-    search, whole = searched([recording], model, Settings(effects=MORE), ())
+    search, whole = searched(Task((recording,), model, Settings(effects=MORE)))
     assert not any("another axis" in w for w in limits_of(search, whole, Settings(), None).said)
 
 

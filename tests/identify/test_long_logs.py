@@ -12,7 +12,7 @@ from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts, with_part
 from dsd_cli.identify.search.drift_search import searched
-from dsd_cli.identify.search.long_logs import posed
+from dsd_cli.identify.search.long_logs import Task, posed
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import diagnose
 from tests.identify.outside_rig import asked, diagnosed
@@ -110,7 +110,7 @@ def test_forces_tell_where_a_reconstructed_motion_was(what, seed):
     log, exact = make_exact(RigCase(what=(what,), seed=seed, sensing="udhat"))
     recording, model, _ = asked(log)
     true = exact.motion.q[exact.motion.t >= 0.0]
-    search, _ = searched([recording], model, Settings(), ())
+    search, _ = searched(Task((recording,), model, Settings()))
 
     def off(piece):
         return float(np.std(piece["position"] - true[: len(piece)]))
@@ -167,7 +167,7 @@ def test_a_logged_motion_does_not_drift():
     (log,) = make([RigCase(what=("gravity",), seed=20, sensing="enc4096")])
     recording, model, _ = asked(log)
     assert recording.walk == 0.0
-    search, whole = searched([recording], model, Settings(), ())
+    search, whole = searched(Task((recording,), model, Settings()))
     (same,) = without_drift(search.problem, whole, [recording])
     assert all(a is b for a, b in zip(same.pieces, recording.pieces, strict=True))
 

@@ -11,7 +11,7 @@ from dsd_cli.identify.fit.noise_fit import Noise
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search import preference
-from dsd_cli.identify.search.long_logs import searched_as_is
+from dsd_cli.identify.search.long_logs import Task, searched_as_is
 from dsd_cli.identify.search.preference import preferred
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict import limits
@@ -232,7 +232,7 @@ def test_what_the_last_rung_found_is_weighed_too(monkeypatch):
     monkeypatch.setattr(Search, "run", lambda _, start, *__, **___: start)
     for begun, found in ((None, set()), (before, set(PAIR))):
         asked = Settings(effects=NAMES, begun=begun)
-        _, whole = searched_as_is([recording], BELIEVED, asked, (), lambda _what, _share: None)
+        _, whole = searched_as_is(Task((recording,), BELIEVED, asked))
         assert {t.id for t in whole.terms} == found
 
 

@@ -7,21 +7,18 @@ it is, and each effect that depends on the place alone, are asked as well, on th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from dsd_cli.identify.fit.bank import has_friction
 from dsd_cli.identify.fit.path_estimate import Placed, along_ripple, depends_on_path, placed, without_drift
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.search.long_logs import searched_as_is, searched_with
+from dsd_cli.identify.search.long_logs import Task, searched_as_is, searched_with
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel
 
-Report = Callable[[str, float], None]
 Found = tuple[Search, Fit]
 #: Paths that are followed, of effects that are asked alone, each on the path that suits it.
 _PATHS_ALONE = 2
@@ -29,59 +26,51 @@ _PATHS_ALONE = 2
 LOOKS_THE_SAME = "a reconstructed speed or position that is off by a constant looks the same: log the position"
 
 
-def searched(
-    recordings: Sequence[Recording],
-    model: PlantModel,
-    settings: Settings,
-    holdout: Sequence[Recording],
-    report: Report = lambda _what, _share: None,
-) -> Found:
+def searched(task: Task) -> Found:
     """(search that is ready to judge on all rows, the set of effects that nothing betters any more).
 
     Raises DataError, UsageError as `pose`.
     """
-    found = searched_as_is(recordings, model, settings, holdout, report)
-    if not any(r.walk > 0.0 for r in recordings):
+    found = searched_as_is(task)
+    if not any(r.walk > 0.0 for r in task.recordings):
         return found
-    paths = _Paths(recordings, model, settings, holdout)
+    paths = _Paths(task)
     first = found
     if (along := paths.along_ripple(*found)) is not None:
-        there = searched_as_is(along, model, settings, holdout, report)
+        there = searched_as_is(replace(task, recordings=along))
         found = there if paths.better(there, found) else found
     for _ in range(POLICY.drift_rounds):
         path = paths.settled(*found)
         if not paths.better(path, found):
             break
-        found = searched_as_is(path[0].problem.recordings, model, settings, holdout, report)
+        found = searched_as_is(replace(task, recordings=path[0].problem.recordings))
     simpler = paths.simpler(first[0], found)
     if simpler is None:
         beside = paths.beside_pushes(*found)
-        return found if beside is None else searched_as_is(beside, model, settings, holdout, report)
+        return found if beside is None else searched_as_is(replace(task, recordings=beside))
     tied = [] if simpler[0].added(simpler[1].terms) else [t.id for t in found[0].added(found[1].terms)]
-    rest = replace(settings, effects=tuple(name for name in found[0].allowed if name not in tied))
-    search, whole = searched_as_is(simpler[0].problem.recordings, model, rest, holdout, report)
+    rest = replace(task.settings, effects=tuple(name for name in found[0].allowed if name not in tied))
+    search, whole = searched_as_is(replace(task, recordings=simpler[0].problem.recordings, settings=rest))
     untestable = {**search.problem.untestable, **dict.fromkeys(tied, LOOKS_THE_SAME)}
     search.problem = replace(search.problem, untestable=untestable)
     return search, whole
 
 
+@dataclass(frozen=True)
 class _Paths:
     """Recordings whose motion wanders, and what is asked of them."""
 
-    def __init__(
-        self, recordings: Sequence[Recording], model: PlantModel, settings: Settings, holdout: Sequence[Recording]
-    ) -> None:
-        self.recordings, self.model, self.settings, self.holdout = recordings, model, settings, holdout
+    task: Task
 
-    def _with(self, recordings: Sequence[Recording], found: PlantModel) -> Found:
-        search, fit = searched_with(recordings, found, self.model, self.settings, self.holdout)
+    def _with(self, recordings: tuple[Recording, ...], found: PlantModel) -> Found:
+        search, fit = searched_with(replace(self.task, recordings=recordings), found)
         return search, search.converged(fit)
 
     def settled(self, search: Search, fit: Fit) -> Found:
         """The path that suits this set, and the set there."""
         best = search, fit
         for _ in range(POLICY.path_rounds):
-            moved = without_drift(search.problem, fit, self.recordings)
+            moved = without_drift(search.problem, fit, self.task.recordings)
             search, fit = self._with(moved, search.problem.scale.model(fit))
             if not self.better((search, fit), best):
                 break
@@ -93,7 +82,7 @@ class _Paths:
         where no ripple is that much."""
         if _error((search, fit)) < POLICY.floor_factor * search.problem.floor:
             return None
-        share, moved = along_ripple(search.problem, search.refit, self.recordings)
+        share, moved = along_ripple(search.problem, search.refit, self.task.recordings)
         return moved if share > POLICY.ripple_share else None
 
     def beside_pushes(self, search: Search, fit: Fit) -> tuple[Recording, ...] | None:
@@ -107,7 +96,7 @@ class _Paths:
             return None
         begin = search, sharpened(search, pulses)
         path = self.settled(*begin)
-        return tuple(path[0].problem.recordings) if self.better(path, begin) else None
+        return path[0].problem.recordings if self.better(path, begin) else None
 
     def better(self, after: Found, before: Found) -> bool:
         """Whether the held-out error falls by enough."""
@@ -130,7 +119,7 @@ class _Paths:
             return None
         asked = [(o.fit, o.fit.terms[-1]) for o in search.options(search.refit)]
         fits = [fit for fit, term in asked if depends_on_path(term) and not has_friction((term,))]
-        starts = [(placed(search.problem, fit, self.recordings), fit) for fit in fits]
+        starts = [(placed(search.problem, fit, self.task.recordings), fit) for fit in fits]
         starts = [(start, fit) for start, fit in starts if start.left < (1.0 - POLICY.clear_fall) ** 2 * start.before]
         starts.sort(key=lambda start: start[0].left)
         paths = [self._followed(search, fit, start) for start, fit in starts[:_PATHS_ALONE]]
@@ -139,7 +128,7 @@ class _Paths:
 
     def _followed(self, search: Search, fit: Fit, start: Placed | None = None) -> Found:
         """A set on the path that suits it, from the zero and the constant speed that leave least."""
-        begin = start or placed(search.problem, fit, self.recordings)
+        begin = start or placed(search.problem, fit, self.task.recordings)
         return self.settled(*self._with(begin.recordings, search.problem.scale.model(fit)))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from dsd_cli.identify.fit.bank import SHARE, Term, Terms
 from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.freeform import FreeformFits, freeform_fits
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.row_weights import shared_inflation, unpredicted_share
 from dsd_cli.identify.fit.solve import Fit
@@ -67,6 +68,15 @@ class Evidence:
             if (step < 0 or inside) and self.solver.squares(terms, following) >= fit.squares:
                 return fit
             tap = following
+
+    def without(self, fit: Fit, *members: Term) -> Fit:
+        """A fit of the others, from the same delay on."""
+        return self.fit(tuple(t for t in fit.terms if t not in members), fit.tap)
+
+    def freeform(self, fit: Fit) -> FreeformFits:
+        """Free-form functions beside a fit, judged in these rows."""
+        problem = self.problem
+        return freeform_fits(problem.errors.bank, self.equations, problem.blocks, fit, self.solver.inertia)
 
     def taps_for(self, term: Term, tap: int) -> list[int]:
         """Delays to try with an effect that is late itself: before it was known, delay stood in for it."""

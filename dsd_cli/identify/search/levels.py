@@ -8,26 +8,23 @@ the logs were taken: what a function of the motion does as well is not identifie
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.levels import Deviations, may_differ, with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.drift_search import searched
 from dsd_cli.identify.search.level_fits import Asked
-from dsd_cli.identify.search.long_logs import searched_with
+from dsd_cli.identify.search.long_logs import Task, searched_with
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel
 
-Report = Callable[[str, float], None]
 #: Channels whose functions stand beside the levels in a second look, one pair at a time.
 _PAIRS = (("velocity", "position"), ("velocity", "u"))
 #: Rounds of levels and sets that are found beside each other, and the change of a level that ends them.
@@ -36,47 +33,40 @@ _ROUNDS, _SETTLED = 9, 2e-3
 
 @dataclass(frozen=True)
 class Levelled:
-    """A search that knows the levels of each log: its recordings have them as forces.
+    """A search that knows the levels of each log: the recordings of `task` have them as forces.
 
     plain : the recordings without.
     """
 
     plain: tuple[Recording, ...]
-    recordings: tuple[Recording, ...]
+    task: Task
     search: Search
     whole: Fit
     levels: tuple[Deviations, ...] = ()
 
 
-def levelled(
-    recordings: Sequence[Recording],
-    model: PlantModel,
-    settings: Settings,
-    holdout: Sequence[Recording],
-    report: Report = lambda _what, _share: None,
-) -> Levelled:
+def levelled(task: Task) -> Levelled:
     """The search over these recordings, with levels per log where they differ. Raises as `pose`."""
-    plain = tuple(recordings)
-    alone = partial(searched, model=model, settings=settings, holdout=holdout, report=report)
-    if not may_differ(plain):
-        return Levelled(plain, plain, *alone(plain))
-    if settings.levels is not None:
-        known = with_levels(plain, settings.levels)
-        return Levelled(plain, known, *alone(known), settings.levels)
-    now = _at_first(Search(pose(excerpts(plain), model, settings, holdout)))
+    if not may_differ(task.recordings):
+        return _beside(task, ())
+    if task.settings.levels is not None:
+        return _beside(task, task.settings.levels)
+    now = _at_first(Search(pose(excerpts(task.recordings), task.model, task.settings, task.holdout)))
     for _ in range(_ROUNDS):
-        known = with_levels(plain, now)
-        found = _with_their_effects(Levelled(plain, known, *alone(known), now))
+        found = _with_their_effects(_beside(task, now))
         then = deviations(found.search, found.whole) or _beside_parts(found)
         if _the_same(then, now):
-            break
+            return found if _possible(found) else _beside(task, ())
         if not then:
-            there = found.search.problem.scale.model(found.whole)
-            return _without(Levelled(plain, plain, *alone(plain)), there, model, settings, holdout)
+            return _without(_beside(task, ()), found.search.problem.scale.model(found.whole), task)
         now = then
-    else:
-        return Levelled(plain, plain, *alone(plain))  # levels that go on changing stand in for something else
-    return found if _possible(found) else Levelled(plain, plain, *alone(plain))
+    return _beside(task, ())  # levels that go on changing stand in for something else
+
+
+def _beside(task: Task, levels: tuple[Deviations, ...]) -> Levelled:
+    """The search beside these levels."""
+    there = replace(task, recordings=with_levels(task.recordings, levels))
+    return Levelled(task.recordings, there, *searched(there), levels)
 
 
 def _at_first(search: Search) -> tuple[Deviations, ...]:
@@ -92,14 +82,12 @@ def _the_same(a: Sequence[Deviations], b: Sequence[Deviations]) -> bool:
     return all(abs(p - q) <= max(s, _SETTLED * abs(q)) for p, q, s in pairs)
 
 
-def _without(
-    first: Levelled, there: PlantModel, model: PlantModel, settings: Settings, holdout: Sequence[Recording]
-) -> Levelled:
+def _without(first: Levelled, there: PlantModel, task: Task) -> Levelled:
     """No level differs beside a set that was found with levels: they stood in for a part of it."""
-    search, fit = searched_with(first.plain, there, model, settings, holdout)
+    search, fit = searched_with(task, there)
     whole = search.settled(fit)
     better = search.problem.errors.rmse(whole) < first.search.problem.errors.rmse(first.whole)
-    return Levelled(first.plain, first.plain, search, whole) if better else first
+    return replace(first, search=search, whole=whole) if better else first
 
 
 def _with_their_effects(found: Levelled) -> Levelled:
@@ -137,8 +125,8 @@ def _beside_parts(found: Levelled) -> tuple[Deviations, ...]:
         return ()
     if levels := deviations(search, whole, ("u",)):
         return levels
-    parts = (tuple(t for t in whole.terms if t != member) for member in search.added(whole.terms))
-    return next((levels for terms in parts if (levels := deviations(search, search.fit(terms, whole.tap)))), ())
+    parts = (search.without(whole, member) for member in search.added(whole.terms))
+    return next((levels for part in parts if (levels := deviations(search, part))), ())
 
 
 def deviations(search: Search, fit: Fit, more: tuple[str, ...] = ()) -> tuple[Deviations, ...]:

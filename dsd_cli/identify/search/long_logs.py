@@ -7,7 +7,9 @@ search sees that part as well.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -22,10 +24,9 @@ from dsd_cli.identify.fit.values import terms_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts, with_part
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.search.drop_unidentified import identified_only
-from dsd_cli.identify.search.repeats import apart
+from dsd_cli.identify.results import Estimates
 from dsd_cli.identify.search.sets import Option, Search
-from dsd_cli.identify.search.starts import Lines, starts
+from dsd_cli.identify.search.starts import Lines, apart, starts
 from dsd_cli.plant.model import PlantModel
 
 
@@ -57,31 +58,37 @@ class Judge(Search):
         return Option(found.effect, fit, self.evidence(fit))
 
 
-Report = Callable[[str, float], None]
+Progress = Callable[[str, float], None]
 
 
-def searched_with(
-    recordings: Sequence[Recording],
-    found: PlantModel,
-    model: PlantModel,
-    settings: Settings,
-    holdout: Sequence[Recording],
-) -> tuple[Search, Fit]:
+@dataclass(frozen=True)
+class Task:
+    """What is searched for: the effects that `model` lacks of recordings; no fit sees those of `holdout`.
+
+    report : called with what is being done and the share that is done.
+    """
+
+    recordings: tuple[Recording, ...]
+    model: PlantModel
+    settings: Settings
+    holdout: tuple[Recording, ...] = ()
+    report: Progress = lambda _what, _share: None
+
+
+def searched_with(task: Task, found: PlantModel) -> tuple[Search, Fit]:
     """(search that is ready to judge, the set that a model has which was found elsewhere), nothing searched for.
 
     found : the model with more effects in it.
     """
-    found = settings.known.applied(found)
-    recordings, holdout = both_driven(recordings, holdout, found)
+    found = task.settings.known.applied(found)
+    recordings, holdout = both_driven(task.recordings, task.holdout, found)
     parts = excerpts(recordings)
-    search = Search(pose(parts, model, settings, holdout, near=found.delay))
+    search = Search(pose(parts, task.model, task.settings, holdout, near=found.delay))
     terms, tap = terms_of(found), round(found.delay / search.solver.bank.tap_time)
     search = Search(search.problem.measured_again(search.fit(terms, tap)))
     whole = search.fit(terms, tap)
-    if _all_of(recordings, parts):
-        return search, whole
-    judge = Judge(asked_of_all(search.problem, recordings, holdout, whole), search)
-    return judge, judge.fit(terms, whole.tap)
+    judge = _over_all(search, recordings, holdout, whole)
+    return judge, whole if judge is search else judge.fit(terms, whole.tap)
 
 
 def posed(recordings: Sequence[Recording], model: PlantModel, settings: Settings, near: float) -> Search:
@@ -89,51 +96,36 @@ def posed(recordings: Sequence[Recording], model: PlantModel, settings: Settings
 
     near : about the delay, s.
     """
-    parts = excerpts(recordings)
-    search = Search(pose(parts, model, settings, near=near))
-    if _all_of(recordings, parts):
-        return search
-    return Judge(asked_of_all(search.problem, recordings, (), search.refit), search)
+    search = Search(pose(excerpts(recordings), model, settings, near=near))
+    return _over_all(search, recordings, (), search.refit)
 
 
-def searched_as_is(
-    recordings: Sequence[Recording],
-    model: PlantModel,
-    settings: Settings,
-    holdout: Sequence[Recording],
-    report: Report,
-) -> tuple[Search, Fit]:
+def searched_as_is(task: Task) -> tuple[Search, Fit]:
     """(search that is ready to judge on all rows, the set of effects that nothing betters any more), on the motion as
     the recordings have it. Raises as `pose`.
     """
-    parts = excerpts(recordings)
-    search, whole = _found(parts, model, settings, holdout, report)
-    if _all_of(recordings, parts):
-        return search, whole
-    judge, judged = on_all(search, recordings, holdout, whole)
-    worst = _less_explained(judge, judged, parts)
+    parts = excerpts(task.recordings)
+    search, whole = _found(task, parts)
+    judge, judged = _on_all(task, search, whole)
+    worst = None if judge is search else _less_explained(judge, judged, parts)
     if worst is None:
         return judge, judged
     del search, judge, judged  # their rows and columns are as large as those that come
-    search, whole = _found(with_part(parts, recordings, *worst), model, settings, holdout, report, begun=whole)
-    return on_all(search, recordings, holdout, whole)
+    return _on_all(task, *_found(task, with_part(parts, task.recordings, *worst), begun=whole))
 
 
-def _all_of(recordings: Sequence[Recording], parts: Sequence[Recording]) -> bool:
-    """Whether nothing was left out: the logs are short enough to be searched as they are."""
-    return sum(r.samples for r in parts) == sum(r.samples for r in recordings)
+def _over_all(search: Search, recordings: Sequence[Recording], holdout: Sequence[Recording], fit: Fit) -> Search:
+    """The search over all rows that takes its candidates from one over excerpts; that itself where nothing was left
+    out: the logs are short enough to be searched as they are."""
+    if sum(r.samples for r in search.problem.recordings) == sum(r.samples for r in recordings):
+        return search
+    return Judge(asked_of_all(search.problem, recordings, holdout, fit), search)
 
 
-def _found(
-    parts: Sequence[Recording],
-    model: PlantModel,
-    settings: Settings,
-    holdout: Sequence[Recording],
-    report: Report,
-    begun: Fit | None = None,
-) -> tuple[Search, Fit]:
-    """(search with the noise measured beside the set, that set); `begun` : one that was found in fewer parts."""
-    search = Search(pose(parts, model, settings, holdout))
+def _found(task: Task, parts: Sequence[Recording], begun: Fit | None = None) -> tuple[Search, Fit]:
+    """(search of these parts with the noise measured beside the set, that set); `begun` : one that was found in fewer
+    parts."""
+    search, report = Search(pose(parts, task.model, task.settings, task.holdout)), task.report
     if begun is None:
         report("sets of effects", 0.2)
         whole = search.run(search.refit, lambda share: report("sets of effects", 0.2 + 0.3 * share), to_friction=True)
@@ -147,7 +139,7 @@ def _found(
     search = Search(search.problem.measured_again(whole))
     report("sets of effects, the noise measured anew", 0.5)
     whole = search.run(search.settled(search.fit(whole.terms, whole.tap)))
-    kept = _kept(search, settings)
+    kept = _kept(search, task.settings)
     if kept is not None and kept.terms != whole.terms:
         whole = max(whole, search.run(kept), key=search.evidence)
     return search, identified_only(search, whole)
@@ -164,11 +156,39 @@ def _kept(search: Search, settings: Settings) -> Fit | None:
     return search.settled(search.fit(tuple(there), round(settings.begun.delay / search.solver.bank.tap_time)))
 
 
-def on_all(
-    search: Search, recordings: Sequence[Recording], holdout: Sequence[Recording], whole: Fit
-) -> tuple[Search, Fit]:
-    """(search over all rows that takes its candidates from that over excerpts, the set fitted to all rows)."""
-    judge = Judge(asked_of_all(search.problem, recordings, holdout, whole), search)
+def identified_only(search: Search, whole: Fit) -> Fit:
+    """The set without further effects of a kind of which no force is identified: what is left at stops and turns
+    repeats with the motion, and is a sum of lines to any accuracy, but the rows that identify values do not have it."""
+    while (told := _told(search, whole)) is not whole:
+        whole = search.settled(told)
+    return whole
+
+
+def _told(search: Search, whole: Fit) -> Fit:
+    """Without those, one after the other, shapes as they are; the same fit if there are none."""
+    while any(kind_of(t.id) != t.id for t in search.added(whole.terms)):
+        estimates = search.problem.values(whole, as_found=True).estimates
+        sizes = {t: _deviations(t, estimates) for t in search.added(whole.terms) if kind_of(t.id) != t.id}
+        least = min(sizes, key=lambda t: sizes[t])
+        if sizes[least] > POLICY.value_deviations:
+            break
+        whole = search.without(whole, least)
+    return whole
+
+
+def _deviations(term: Term, estimates: Estimates) -> float:
+    """Standard errors by which the largest force of an effect is away from 0; angles are none."""
+    names = [p.name for p in term.effect.parameters if p.linear and p.unit != "rad"]
+    found = [estimates[f"{term.id}.{name}"] for name in names]
+    told = (math.inf if e.held else abs(e.value) / e.std_error for e in found if e.held or e.std_error > 0.0)
+    return max(told, default=0.0)
+
+
+def _on_all(task: Task, search: Search, whole: Fit) -> tuple[Search, Fit]:
+    """(see `_over_all`, the set fitted to all rows)."""
+    judge = _over_all(search, task.recordings, task.holdout, whole)
+    if judge is search:
+        return search, whole
     fit = judge.fit(whole.terms, whole.tap)
     for term in whole.terms:
         if term.effect.periods is not None:
@@ -178,7 +198,7 @@ def on_all(
 
 def _with_finer_line(judge: Search, fit: Fit, term: Term) -> Fit:
     """All rows resolve a period more finely than an excerpt: another side lobe of its line may be the true one."""
-    rest = judge.fit(tuple(t for t in fit.terms if t is not term), fit.tap)
+    rest = judge.without(fit, term)
     scan = judge.scan(rest.terms, rest.tap)
     tried = [
         Term.of(term.id, shape)

@@ -18,9 +18,8 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.evidence import Evidence
 from dsd_cli.identify.search.preference import Option, in_common_terms, preferred
-from dsd_cli.identify.search.repeats import apart, names_to_try
 from dsd_cli.identify.search.shapes import refined, times_off
-from dsd_cli.identify.search.starts import Lines, starts
+from dsd_cli.identify.search.starts import Lines, apart, names_to_try, starts
 from dsd_cli.signals.once import once
 
 #: Effects that are refined in a scan: those whose best start comes within this share of the best gain; loads on the
@@ -192,7 +191,7 @@ class Search(Evidence):
         reached, and neither of them alone does, both stay."""
         reached = reached or self.before
         for term in self.added(fit.terms):
-            less = self.fit(tuple(t for t in fit.terms if t != term), fit.tap)
+            less = self.without(fit, term)
             needless = not self.matters(less, fit)
             if needless and (self.matters(reached, less) or not self.matters(reached, fit)):
                 return self.without_needless(less, reached)
@@ -201,7 +200,7 @@ class Search(Evidence):
     def swapped(self, fit: Fit) -> Fit:
         """With the first member that an outsider betters replaced by it."""
         for term in self.added(fit.terms):
-            rest = self.fit(tuple(t for t in fit.terms if t != term), fit.tap)
+            rest = self.without(fit, term)
             best = self.challenger(rest, term.id, rest.squares - fit.squares)
             if best is None or best.evidence < self.evidence(fit) + 1.0:
                 continue

@@ -23,8 +23,9 @@ from dsd_cli.identify.recordings.levels import may_differ, with_levels
 from dsd_cli.identify.recordings.recording import Mended, Recording
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.levels import Levelled, levelled
-from dsd_cli.identify.search.repeats import renamed
+from dsd_cli.identify.search.long_logs import Progress, Task
 from dsd_cli.identify.search.sets import Option, Search
+from dsd_cli.identify.search.starts import renamed
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told, freed, told_far_off
 from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrepancy_of, without_imitations
 from dsd_cli.identify.verdict.judgement import Verdict
@@ -37,7 +38,6 @@ from dsd_cli.identify.verdict.resonance import with_response
 from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
-Progress = Callable[[str, float], None]
 Told = Callable[[Sequence[Contradiction]], None]
 Found = Callable[[Search, Fit], None]
 
@@ -72,11 +72,10 @@ def diagnose(
     asked, against = prior_check(recordings, model, settings or Settings(), report)
     if against:
         on_told(against)
-    apart, asked = _either_way(recordings, model, asked, holdout, report)
-    recordings, search, whole = apart.recordings, apart.search, apart.whole
+    apart = _either_way(Task(tuple(recordings), model, asked, tuple(holdout), report))
+    task, search, whole = apart.task, apart.search, apart.whole
     beyond = discrepancy_of(search, whole)
-    doubtful = beyond.unknown or above_floor(search, whole)
-    shown = with_response(search, whole, recordings, model, asked, holdout, doubtful, report)
+    shown = with_response(search, whole, task, beyond.unknown or above_floor(search, whole))
     if shown.search is not search:
         search, whole, beyond = shown.search, shown.whole, discrepancy_of(shown.search, shown.whole)
     if shown.seen is None:
@@ -93,13 +92,13 @@ def diagnose(
     options = [*search.options(search.refit), *first]
     verdict = Verdict(search, options, whole, members, own_values(search, shown), beyond, shown, limits)
     if verdict.rising:  # what raises the error stands in for something else: the search begins again without it
-        asked = asked.without([verdict.rising])
+        asked = task.settings.without([verdict.rising])
         return diagnose(apart.plain, model, observer, asked, holdout, progress, stability, on_told, on_found)
     on_found(search, whole)
-    diagnosis = with_levels_said(against_told(verdict.diagnosis(), search, whole, asked), search, whole, apart)
+    diagnosis = with_levels_said(against_told(verdict.diagnosis(), search, whole, task.settings), search, whole, apart)
     if stability:
         report("how sure, on parts", 0.85)
-        diagnosis = with_stability(diagnosis, recordings, model, shown.settings)
+        diagnosis = with_stability(diagnosis, task.recordings, model, shown.settings)
     report("done", 1.0)
     return replace(diagnosis, inverse=search.solver.inverse)
 
@@ -111,32 +110,26 @@ def _of_mended(diagnosis: Diagnosis, mended: Mended) -> Diagnosis:
     return replace(diagnosis, warnings=(*mended.said, *diagnosis.warnings), mended=replace(last, said=tuple(said)))
 
 
-def _either_way(
-    recordings: Sequence[Recording],
-    model: PlantModel,
-    settings: Settings,
-    holdout: Sequence[Recording],
-    report: Progress,
-) -> tuple[Levelled, Settings]:
+def _either_way(task: Task) -> Levelled:
     """The motion by u, or where that leaves more than the sensor does, and u by the motion clearly less, that instead.
     Each is less by its own measure: of a u that hardly matters to the motion little is left, whatever explains it.
 
     An axis that sticks and slips accelerates hard for moments, so that J a is a fair part of u, and yet what u does
     not explain is most of that: friction and cogging, which the motion explains all of. So is noise that u alone has.
     """
-    found = levelled(recordings, model, settings, holdout, report)
+    found = levelled(task)
     search, whole = found.search, found.whole
     drifts = search.problem.reconstructed("velocity")
     tells = not drifts and tells_by_motion(search.problem.errors.bank, whole.tap, search.solver.inertia)
     errors = search.problem.errors
     if search.solver.inverse or not tells or not (above_floor(search, whole) or errors.noise_of_u(whole)):
-        return found, settings
-    there = levelled(recordings, model, replace(settings, inverse=True), holdout, report)
+        return found
+    there = levelled(replace(task, settings=replace(task.settings, inverse=True)))
     errors_there = there.search.problem.errors
     share = errors.rmse(whole) / errors.moving(search.solver.inertia)
     less = errors_there.rmse(there.whole) < POLICY.other_way * share * errors_there.force
     less = less or errors_there.noise_of_u(there.whole)
-    return (there, replace(settings, inverse=True)) if less else (found, settings)
+    return there if less else found
 
 
 def strongest_first(search: Search, whole: Fit) -> tuple[Fit, list[Option]]:
@@ -153,14 +146,10 @@ def strongest_first(search: Search, whole: Fit) -> tuple[Fit, list[Option]]:
         if any(search.solver.known.concerns(t.id) for t in alike):
             continue
         if len(alike) > 1:
-            alike.sort(key=lambda t: -search.problem.errors.rmse(_without(search, whole, t)))
+            alike.sort(key=lambda t: -search.problem.errors.rmse(search.without(whole, t)))
             first.append(_alone(search, Term(kind, alike[0].items), whole.tap))
         terms = renamed(terms, tuple(alike))
     return (whole if terms == whole.terms else search.fit(terms, whole.tap)), first
-
-
-def _without(search: Search, whole: Fit, term: Term) -> Fit:
-    return search.fit(tuple(t for t in whole.terms if t != term), whole.tap)
 
 
 def _alone(search: Search, line: Term, tap: int) -> Option:
@@ -184,7 +173,7 @@ def prior_check(
     known = settings.known
     if not known or settings.against is not None:
         return looked, ()
-    apart = _free(tuple(excerpts(recordings)), model, replace(settings, known=PriorKnowledge()), report)
+    apart = _free(Task(excerpts(recordings), model, replace(settings, known=PriorKnowledge()), (), report))
     free, whole = apart.search, apart.whole
     estimates = free.problem.values(whole).estimates
     by_log = log_levels(apart.levels, estimates, [r.name for r in recordings])
@@ -198,12 +187,12 @@ def prior_check(
     return replace(looked, effects=worth, against=against, levels=levels), against
 
 
-def _free(parts: tuple[Recording, ...], model: PlantModel, settings: Settings, report: Progress) -> Levelled:
+def _free(task: Task) -> Levelled:
     """What the logs say with nothing given; a level that differs between them would look like a value given wrongly."""
-    if may_differ(parts):
-        return levelled(parts, model, settings, (), report)
-    search = Search(pose(parts, model, settings))
-    return Levelled(parts, parts, search, search.run(search.refit))
+    if may_differ(task.recordings):
+        return levelled(task)
+    search = Search(pose(task.recordings, task.model, task.settings))
+    return Levelled(task.recordings, task, search, search.run(search.refit))
 
 
 def _to_mend(free: Search, whole: Fit, settings: Settings) -> bool:

@@ -12,7 +12,7 @@ import numpy as np
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.freeform import GAIN, Freeform, FreeformFits, freeform_fits, loss_of
+from dsd_cli.identify.fit.freeform import GAIN, Freeform, loss_of
 from dsd_cli.identify.fit.noise import structured_share
 from dsd_cli.identify.fit.row_weights import clear_rows, surely_less
 from dsd_cli.identify.fit.solve import Fit
@@ -79,7 +79,7 @@ def _structured(equations: Equations, residual: Array) -> float:
 
 def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) -> Discrepancy:
     errors, equations = search.problem.errors, search.equations
-    fits = freeform_fits(errors.bank, equations, search.problem.blocks, fit, search.solver.inertia)
+    fits = search.freeform(fit)
     plain = errors.rmse(fit)
     share = _structured(equations, errors.residual(fit, held_out=False))
     noise = plain * math.sqrt(1.0 - share)
@@ -182,7 +182,7 @@ def without_imitations(search: Search, whole: Fit, beyond: Discrepancy) -> tuple
     fit = whole if part is search else part.fit(whole.terms, whole.tap)
     if not part.added(fit.terms):
         return whole, beyond
-    beside = _fits(part, fit)
+    beside = part.freeform(fit)
     found = (_law(part, fit, beside.fit_with(group)) for group in beside.groups() if group[0] == GAIN)
     laws = [law for law in found if law is not None]
     if not laws:
@@ -203,7 +203,7 @@ def _law(search: Search, whole: Fit, beside: Freeform) -> _Law | None:
     terms, loss = whole.terms, beside.loss
     for term in reversed(search.added(whole.terms)):
         rest = tuple(t for t in terms if t != term)
-        without = _fits(search, search.solver.fit(rest, whole.tap)).fit_with(on).loss
+        without = search.freeform(search.solver.fit(rest, whole.tap)).fit_with(on).loss
         if without - loss < (search.price((term,)) + POLICY.least_gain) * nats:
             terms, loss = rest, without
     better = loss < float(beside.without.sum()) - POLICY.unknown_nats * nats
@@ -213,10 +213,5 @@ def _law(search: Search, whole: Fit, beside: Freeform) -> _Law | None:
 def _left(search: Search, tap: int, law: _Law) -> float:
     """Held-out rms that a law leaves beside its effects, unit of u."""
     fit = search.solver.fit(law.terms, tap)
-    fall = _fits(search, fit).fit_with(law.on, whitened=False).gain / max(int(search.equations.kept.sum()), 1)
+    fall = search.freeform(fit).fit_with(law.on, whitened=False).gain / max(int(search.equations.kept.sum()), 1)
     return math.sqrt(max(search.problem.errors.rmse(fit) ** 2 - fall, 0.0))
-
-
-def _fits(search: Search, fit: Fit) -> FreeformFits:
-    problem = search.problem
-    return freeform_fits(problem.errors.bank, search.equations, problem.blocks, fit, search.solver.inertia)

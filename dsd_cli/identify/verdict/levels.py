@@ -12,7 +12,6 @@ import numpy as np
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.blocks import grams, losses, solve
-from dsd_cli.identify.fit.freeform import freeform_fits
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import Deviations, may_differ
@@ -88,7 +87,7 @@ def stand_ins(search: Search, whole: Fit) -> dict[str, tuple[str, ...]]:
     for member in search.added(whole.terms):
         if member.effect.coupling is not None and search.equations.counting < 1.0:
             continue  # rows that count have no load in them
-        rest = search.fit(tuple(t for t in whole.terms if t != member), whole.tap)
+        rest = search.without(whole, member)
         tried = {names: _evidence(search, rest, names) for names in _groups(search, rest, member)}
         best = max(tried, key=lambda names: tried[names], default=())
         if best and tried[best] > most - POLICY.least_gain:
@@ -117,10 +116,9 @@ def _evidence(search: Search, rest: Fit, names: Sequence[str]) -> float:
 
 def _loss(search: Search, fit: Fit, columns: Sequence[np.ndarray]) -> float:
     """Held-out squares of a fit with more columns, nats."""
-    problem, white = search.problem, search.equations
-    base = freeform_fits(problem.errors.bank, white, problem.blocks, fit, search.solver.inertia).base
-    found = grams([white.whitened(x) for x in (*base, *columns)], problem.blocks)
-    return float(losses(solve(found.fitted), found, problem.blocks).sum()) / search.noise.nats
+    blocks, rows = search.problem.blocks, (*search.freeform(fit).base, *columns)
+    found = grams([search.equations.whitened(x) for x in rows], blocks)
+    return float(losses(solve(found.fitted), found, blocks).sum()) / search.noise.nats
 
 
 def _with_stand_ins(found: Diagnosis, rivals: dict[str, tuple[str, ...]]) -> Diagnosis:

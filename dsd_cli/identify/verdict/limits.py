@@ -15,7 +15,6 @@ from typing import NamedTuple
 import numpy as np
 
 from dsd_cli.identify.fit.bank import SHARE, Terms, has_friction
-from dsd_cli.identify.fit.freeform import freeform_fits
 from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings, constant_u
@@ -246,8 +245,7 @@ def in_common(search: Search, whole: Fit) -> float:
     position. Effects can be found for any u; they do not explain it elsewhere.
     """
     part = search.excerpt or search
-    problem, fit = part.problem, part.fit(whole.terms, whole.tap)
-    fits = freeform_fits(problem.errors.bank, part.equations, problem.blocks, fit, part.solver.inertia)
+    fits = part.freeform(part.fit(whole.terms, whole.tap))
     groups = [group for group in (("velocity",), ("position",)) if group in fits.groups()]
     shares = (fits.share_of_u(groups[:count]) for count in range(len(groups), -1, -1))  # a run up is at each place once
     told = max(shares)

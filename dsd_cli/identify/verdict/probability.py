@@ -77,7 +77,7 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     """
     plain = search.problem.errors
     member = next(t for t in whole.terms if t.id == effect_id)
-    rest = search.fit(tuple(t for t in whole.terms if t is not member), whole.tap)
+    rest = search.without(whole, member)
     options = [o for o in search.options(rest) if o.effect != effect_id]
     own = Option(effect_id, whole, search.evidence(whole))
     worth = plain.rmse(rest) ** 2 - plain.rmse(whole) ** 2

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import DELAY, INERTIA
 from dsd_cli.identify.search.contact_play import same_play
 from dsd_cli.identify.search.drift_search import searched
-from dsd_cli.identify.search.long_logs import searched_with
+from dsd_cli.identify.search.long_logs import Task, searched_with
 from dsd_cli.identify.search.response import response_of
 from dsd_cli.identify.search.seen import COUPLING, PLAY, Seen
 from dsd_cli.identify.search.sets import Search
@@ -22,7 +20,6 @@ from dsd_cli.plant.model import PlantModel
 
 #: Effects that a response can show.
 SHOWN = (COUPLING, PLAY)
-Report = Callable[[str, float], None]
 RATTLES = (
     "the load may rattle in its play: the residual of the response is not white, and a load that bounces from flank to "
     "flank cannot be simulated well enough to predict it"
@@ -85,27 +82,19 @@ class Resonance:
         return tuple(found)
 
 
-def with_response(
-    search: Search,
-    whole: Fit,
-    recordings: Sequence[Recording],
-    model: PlantModel,
-    settings: Settings,
-    holdout: Sequence[Recording],
-    doubtful: bool,
-    report: Report,
-) -> Resonance:
+def with_response(search: Search, whole: Fit, task: Task, doubtful: bool) -> Resonance:
     """The search as it is, or with the load that only the response identifies.
 
     Where the balance finds the load itself, its resonance lies within the band and the response knows no better values,
     nothing changes; where the response shows no load, the balance's is dropped. Effects that are found beside the load
     come first: it is the answer once nothing else is missing. Contacts are the answer beside whatever is missing.
     """
+    model, settings = task.model, task.settings
     unchanged = Resonance(search, whole, settings, None)
     asked = [name for name in SHOWN if name in search.allowed or name in model.effects]
     if not asked or any(settings.known.concerns(name) for name in SHOWN) or search.equations.counting < 1.0:
         return unchanged
-    report("the response above the band", 0.7)
+    task.report("the response above the band", 0.7)
     found = {t.id for t in whole.terms}
     response = response_of(search, whole, asked, doubtful or PLAY in found)
     if response is None:
@@ -113,14 +102,14 @@ def with_response(
     seen = response.seen
     unchanged = replace(unchanged, rattles=response.rattles, line_hz=response.line_hz)
     if seen is None:
-        return _without_load(unchanged, recordings, model, holdout, report)
+        return _without_load(unchanged, task)
     if not math.isnan(seen.off):
-        return _with_contacts(replace(unchanged, rattles=doubtful), seen, recordings, model, holdout)
+        return _with_contacts(replace(unchanged, rattles=doubtful), seen, task)
     known = replace(settings, known=settings.known.seeing(seen.effect, seen.values, {}))
     values = {name: value for name, (value, _) in seen.values.items()}
     there = model.changed(None, None, {seen.effect: values}) if seen.effect in model.effects else seen.model
     rest = replace(known, effects=tuple(name for name in search.allowed if name not in SHOWN))
-    beside, all_of_it = searched(recordings, there, rest, holdout, report)
+    beside, all_of_it = searched(replace(task, model=there, settings=rest))
     if _in_band(seen, search) and seen.effect in found and not _better(unchanged, beside, all_of_it):
         return unchanged
     if seen.effect in model.effects:
@@ -131,24 +120,22 @@ def with_response(
     there = replace(
         there, effects={n: v for n, v in whole_model.effects.items() if n in belongs} | {seen.effect: values}
     )
-    search, whole = searched_with(recordings, there, model, known, holdout)
+    search, whole = searched_with(replace(task, settings=known), there)
     return Resonance(search, whole, known, None if others else seen, response.rattles)
 
 
-def _with_contacts(
-    found: Resonance, seen: Seen, recordings: Sequence[Recording], model: PlantModel, holdout: Sequence[Recording]
-) -> Resonance:
+def _with_contacts(found: Resonance, seen: Seen, task: Task) -> Resonance:
     """The play that contacts show, if what it leaves in the rows that count then is much less; or that the model's is
     another: no value is changed unsaid."""
-    own = model.effects.get(seen.effect)
+    own = task.model.effects.get(seen.effect)
     if own is not None:
-        off = abs(model.inertia - seen.model.inertia) > POLICY.contradicting_deviations * seen.errors[INERTIA]
+        off = abs(task.model.inertia - seen.model.inertia) > POLICY.contradicting_deviations * seen.errors[INERTIA]
         wrong = seen.effect if not same_play(own, seen) else INERTIA if off else ""
         return replace(found, whole=found.search.refit, rattles=False, other=seen, wrong=wrong) if wrong else found
     there = {INERTIA: seen.model.inertia, DELAY: seen.model.delay}
     beside = {name: (there[name], error) for name, error in seen.errors.items()}
     known = replace(found.settings, known=found.settings.known.seeing(seen.effect, seen.values, beside))
-    search, whole = searched_with(recordings, seen.model, model, known, holdout)
+    search, whole = searched_with(replace(task, settings=known), seen.model)
     before = found.search.problem.errors.rmse(found.search.refit)
     if not search.problem.errors.rmse(whole) < POLICY.driven_gain * before:
         return found
@@ -162,20 +149,13 @@ def _needed(beside: Search, whole: Fit, model: PlantModel) -> tuple[str, ...]:
     """
 
     def needed(term: Term) -> bool:
-        rest = tuple(t for t in whole.terms if t != term)
-        return term not in beside.base or beside.matters(beside.fit(rest, whole.tap), whole)
+        return term not in beside.base or beside.matters(beside.without(whole, term), whole)
 
     lacking = [t for t in whole.terms if t.id not in model.effects and t.id not in SHOWN]
     return tuple(t.id for t in lacking if needed(t))
 
 
-def _without_load(
-    found: Resonance,
-    recordings: Sequence[Recording],
-    model: PlantModel,
-    holdout: Sequence[Recording],
-    report: Report,
-) -> Resonance:
+def _without_load(found: Resonance, task: Task) -> Resonance:
     """A load that the balance found and the response does not show is none: it followed the noise of the sensor.
 
     Unless far more than noise is left without it, and next to nothing with it.
@@ -185,12 +165,12 @@ def _without_load(
     if not loads:
         return found
     rmse, floor = search.problem.errors.rmse, search.problem.floor
-    rest = search.fit(tuple(t for t in whole.terms if t not in loads), whole.tap)
+    rest = search.without(whole, *loads)
     if rmse(whole) < POLICY.load_takes * floor and rmse(rest) > POLICY.load_takes * rmse(whole):
         return found
     others = tuple(name for name in found.search.allowed if name not in SHOWN)
     settings = replace(found.settings, effects=others)
-    search, whole = searched(recordings, model, settings, holdout, report)
+    search, whole = searched(replace(task, settings=settings))
     return replace(found, search=search, whole=whole, settings=settings)
 
 
