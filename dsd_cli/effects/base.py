@@ -61,7 +61,7 @@ class Ranges(NamedTuple):
     speed : rms speed while moving; top_speed : largest; travel : range of the position; drive : rms of u; top_drive :
     largest |u| but for rare spikes; sample_time and duration in s; resolution : the shortest way that the sensor of
     the position resolves; band_hz : up to which forces are balanced; passes : how often the axis goes over the travel;
-    cycle : s after which the motion repeats itself, infinite where it does not; spike_drive : largest |u| of all.
+    spike_drive : largest |u| of all.
     """
 
     speed: float
@@ -74,7 +74,6 @@ class Ranges(NamedTuple):
     resolution: float = 0.0
     band_hz: float = np.inf
     passes: float = np.inf
-    cycle: float = np.inf
     spike_drive: float = 0.0
 
 

@@ -60,7 +60,6 @@ class Policy:
     least_cycles: float = 3.0  # in a stretch, for its motion to be called one that repeats
     cycle_left: float = 0.5  # correlation of the speed with itself, below which it has gone elsewhere in between
     cycle_alike: float = 0.98  # and that it has again a cycle later
-    stands_alone: float = 10.0  # power of a line in time over those beside it, all harmonics of such a cycle
     least_periods: float = 2.5  # of a line in the log or the travel; fewer are a trend
     periods_apart: float = 1.0  # of two lines of one kind in the log or the travel; nearer ones are not distinguished
 

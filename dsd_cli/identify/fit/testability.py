@@ -42,7 +42,6 @@ def ranges(equations: Equations) -> Ranges:
         resolution=POLICY.resolved_deviations * max(r.position_noise for r in equations.recordings),
         band_hz=equations.band.hz,
         passes=way / travel if travel > 0.0 else 0.0,
-        cycle=max(r.cycle for r in equations.recordings),
         spike_drive=float(np.abs(u).max(initial=0.0)),
     )
 

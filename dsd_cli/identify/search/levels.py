@@ -21,9 +21,8 @@ from dsd_cli.identify.recordings.levels import Deviations, may_differ, with_leve
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.drift_search import searched
 from dsd_cli.identify.search.level_fits import Asked
-from dsd_cli.identify.search.long_logs import Task, searched_with
+from dsd_cli.identify.search.long_logs import Task
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.plant.model import PlantModel
 
 #: Channels whose functions stand beside the levels in a second look, one pair at a time.
 _PAIRS = (("velocity", "position"), ("velocity", "u"))
@@ -54,13 +53,13 @@ def levelled(task: Task) -> Levelled:
     now = _at_first(Search(pose(excerpts(task.recordings), task.model, task.settings, task.holdout)))
     for _ in range(_ROUNDS):
         found = _with_their_effects(_beside(task, now))
-        then = deviations(found.search, found.whole) or _beside_parts(found)
+        then = deviations(found.search, found.whole)
         if _the_same(then, now):
             return found if _possible(found) else _beside(task, ())
         if not then:
-            return _without(_beside(task, ()), found.search.problem.scale.model(found.whole), task)
+            break
         now = then
-    return _beside(task, ())  # levels that go on changing stand in for something else
+    return _beside(task, ())  # levels that go on changing, or that none are left beside, stand in for something else
 
 
 def _beside(task: Task, levels: tuple[Deviations, ...]) -> Levelled:
@@ -80,14 +79,6 @@ def _the_same(a: Sequence[Deviations], b: Sequence[Deviations]) -> bool:
         return False
     pairs = ((p, q, s) for x, y in zip(a, b, strict=True) for p, q, s in zip(x.by_log, y.by_log, x.errors, strict=True))
     return all(abs(p - q) <= max(s, _SETTLED * abs(q)) for p, q, s in pairs)
-
-
-def _without(first: Levelled, there: PlantModel, task: Task) -> Levelled:
-    """No level differs beside a set that was found with levels: they stood in for a part of it."""
-    search, fit = searched_with(task, there)
-    whole = search.settled(fit)
-    better = search.problem.errors.rmse(whole) < first.search.problem.errors.rmse(first.whole)
-    return replace(first, search=search, whole=whole) if better else first
 
 
 def _with_their_effects(found: Levelled) -> Levelled:
@@ -115,18 +106,6 @@ def _possible(found: Levelled) -> bool:
         if any(mean + d < lower - s for d, s in zip(one.by_log, one.errors, strict=True)):
             return False
     return True
-
-
-def _beside_parts(found: Levelled) -> tuple[Deviations, ...]:
-    """Levels where the whole set leaves more than noise: beside functions of u, as a limit is one, and beside
-    the set without one effect, which may stand in for them."""
-    search, whole = found.search, found.whole
-    if search.problem.errors.rmse(whole) <= POLICY.floor_factor * search.problem.floor:
-        return ()
-    if levels := deviations(search, whole, ("u",)):
-        return levels
-    parts = (search.without(whole, member) for member in search.added(whole.terms))
-    return next((levels for part in parts if (levels := deviations(search, part))), ())
 
 
 def deviations(search: Search, fit: Fit, more: tuple[str, ...] = ()) -> tuple[Deviations, ...]:

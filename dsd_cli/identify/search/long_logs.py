@@ -200,10 +200,7 @@ def _with_finer_line(judge: Search, fit: Fit, term: Term) -> Fit:
     """All rows resolve a period more finely than an excerpt: another side lobe of its line may be the true one."""
     rest = judge.without(fit, term)
     scan = judge.scan(rest.terms, rest.tap)
-    tried = [
-        Term.of(term.id, shape)
-        for shape in starts(term.id, judge.ranges, Lines(judge.problem.errors, rest, judge.ranges.cycle))
-    ]
+    tried = [Term.of(term.id, shape) for shape in starts(term.id, judge.ranges, Lines(judge.problem.errors, rest))]
     tried = [t for t in tried if apart(t, rest.terms, judge.ranges)]
     best = max((term, *tried), key=lambda t: scan.gain(t)[0])
     return fit if best is term else judge.fit(tuple(best if t is term else t for t in fit.terms), fit.tap)

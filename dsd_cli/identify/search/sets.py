@@ -92,7 +92,7 @@ class Search(Evidence):
 
         far : of one that acts on u, also at the best start so many times off: a delay that is too long bends gains.
         """
-        lines, scan = Lines(self.problem.errors, current, self.ranges.cycle), self.scan(current.terms, current.tap)
+        lines, scan = Lines(self.problem.errors, current), self.scan(current.terms, current.tap)
         here = {t.id for t in current.terms}
         found = []
         for effect_id in names_to_try(self.allowed, here, self.ranges):

@@ -3,7 +3,6 @@ the residual's spectrum. Of several effects of one kind, whether a log distingui
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection, Iterable, Iterator
 from functools import cached_property
 
@@ -18,10 +17,6 @@ from dsd_cli.signals.log import Array
 
 #: Lines of a spectrum that are followed up, and bins over the position.
 LINES, BINS = 4, 4096
-#: Bins to either side of a line that are its own (two of them are one of the log's), and lines beside it.
-_HALF, _BESIDE = 3, 3
-#: Half widths of a line that the lines of a cycle must be apart.
-_CYCLE = 4
 #: Bins over which the background is averaged to either side, at least.
 _AROUND = 8
 #: Quantile of the speed at which a ripple over the position must pass the band.
@@ -71,10 +66,10 @@ def starts(effect_id: str, found: Ranges, lines: Lines) -> list[Shape]:
 
 
 class Lines:
-    """Lines in the spectrum of what a fit leaves (rows in the unit of u). cycle : s after which the motion repeats."""
+    """Lines in the spectrum of what a fit leaves (rows in the unit of u)."""
 
-    def __init__(self, errors: Errors, fit: Fit, cycle: float = math.inf) -> None:
-        self._equations, self._cycle = errors.equations, cycle
+    def __init__(self, errors: Errors, fit: Fit) -> None:
+        self._equations = errors.equations
         self._residual = errors.residual(fit, held_out=False)
         self._by_stretch = self._equations.by_stretch(self._residual)
 
@@ -89,7 +84,6 @@ class Lines:
         for x, row_time in parts:  # a line at one frequency, in whichever band, and of one size
             own = np.abs(np.fft.rfft(x - x.mean(), round(2.0 * longest / row_time))) ** 2 * (row_time / finest) ** 2
             power[: len(own)] += own[: len(power)]
-        power = _of_time_alone(power, 1.0 / (self._cycle * step))
         return tuple(k * step for k in _peaks(power, int(shortest / step) + 1))
 
     @cached_property
@@ -112,21 +106,6 @@ class Lines:
         told = POLICY.resolved_deviations * max(r.position_noise for r in self._equations.recordings)
         highest = min(highest, 2.0 * np.pi / max(told, 1e-300))  # a line of the sensor's own counts is no force
         return tuple(k * step for k in _peaks(power[: int(highest / step) + 1], int(2 * POLICY.least_periods)))
-
-
-def _of_time_alone(power: Array, cycle: float) -> Array:
-    """Without the lines of what repeats with the motion, every `cycle` bins: any force that depends on the motion is a
-    sum of such lines. One that stands high above those beside it is none of them."""
-    lines = np.arange(1, int((len(power) - 1 - _HALF) / cycle) + 1) if cycle > _CYCLE * _HALF else np.arange(0)
-    if len(lines) <= 2 * _BESIDE:
-        return power
-    bins = np.rint(lines * cycle).astype(int)[:, np.newaxis] + np.arange(-_HALF, _HALF + 1)
-    heights, left = power[bins].max(axis=1), power.copy()
-    for i, height in enumerate(heights):
-        beside = np.delete(heights[max(i - _BESIDE, 0) : i + _BESIDE + 1], min(i, _BESIDE))
-        if height < POLICY.stands_alone * float(np.median(beside)):
-            left[bins[i]] = power[bins[i]].min()
-    return left
 
 
 def _peaks(power: Array, first: int) -> list[int]:
