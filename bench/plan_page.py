@@ -32,14 +32,17 @@ def _plans(rows: Sequence[Row]) -> list[str]:
         f"of these by the new log alone: {sum(r['settled'] and r.get('alone', False) for r in planned)}; alone it "
         f"settled wrongly {sum(r.get('alone', False) and not r['settled'] for r in planned)}",
         f"right effect named after it: {_of(r['after'] == r['what'] for r in planned)}",
-        f"of {len(old)} also run with the old motion for as long, settled after the planned one "
-        f"{sum(r['settled'] for r in old)}, after the old one {sum(r['settled_old'] for r in old)}",
-        f"right effect named after the old motion: {_of(r['after_old'] == r['what'] for r in old)}",
         f"realised nats within a factor of 2 of the expected: {_of(near)} pairs",
         f"within a factor of 2, or both beyond {PLENTY:g}: {_of(agree)} pairs",
         f"realised nats less than half of the expected: {_of(x < 0.5 for x, _ in ratios)} pairs",
         f"a limit broken by these plans on the rig: {_of(bool(r['broken']) for r in planned)}",
     ]
+    if old:
+        found += [
+            f"of {len(old)} also run with the old motion for as long, settled after the planned one "
+            f"{sum(r['settled'] for r in old)}, after the old one {sum(r['settled_old'] for r in old)}",
+            f"right effect named after the old motion: {_of(r['after_old'] == r['what'] for r in old)}",
+        ]
     if cpu:
         over = _of(x > 10.0 for x in cpu)
         found.append(
