@@ -249,7 +249,7 @@ def _why(last: Diagnosis, refused: Sequence[str]) -> str:
         return "nothing significant is left"
     if kept := kept_values(last.warnings):
         return f"what is left may come from the given values of {', '.join(kept)}"
-    if last.nearest:
+    if last.nearest and last.nearest not in last.found:
         return f"something is left; {last.nearest} comes nearest, but the log does not confirm it"
     on = " and ".join(last.depends_on)
     return "something is left that no effect of the catalogue explains" + (f"; it depends on {on}" if on else "")

@@ -142,11 +142,10 @@ def test_what_a_set_explains_is_counted_from_where_the_climb_began():
     search = Search(pose([seen(effects, duration=5.0)], model, climbed))
     whole = search.fit((*search.base, Term("coulomb_friction")), search.refit.tap)
 
-    def begun(name="coulomb_friction", belief=0.9, on=("position",), asked=climbed):
-        return before_climb(search, whole, Discrepancy(on, 0.1, True, 0.1), asked, name, belief)
+    def begun(name="coulomb_friction", on=("position",), asked=climbed):
+        return before_climb(search, whole, Discrepancy(on, 0.1, True, 0.1), asked, name)
 
     assert begun().terms == search.before.terms == (Term("stiffness"),)
     assert begun(asked=Settings()) is search.refit
     assert begun("gravity", on=("velocity",)) is search.refit  # not of that set
     assert begun(on=("position", "velocity")) is search.refit  # stands in for another law of the velocity
-    assert begun(belief=0.04) is search.refit  # rarer than one of twenty

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.testability import Settings
+from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
@@ -100,11 +101,21 @@ def test_a_member_that_is_rather_there_than_not_comes_before_one_with_more_evide
 
 
 @pytest.mark.parametrize(
-    ("left_on", "named"),
-    [(("velocity",), "cogging"), (("position",), "unknown"), (("position", "time"), "unknown")],
+    ("left_on", "belief", "more", "named"),
+    [
+        (("velocity",), 0.9, 0.9, "cogging"),
+        (("position",), 0.9, 0.9, "unknown"),
+        (("position", "time"), 0.9, 0.9, "unknown"),
+        (("velocity",), 0.06, 0.9, "cogging"),
+        (("velocity",), 0.04, 0.9, "unknown"),
+        (("velocity",), 0.04, 0.01, "cogging"),
+    ],
 )
-def test_what_depends_on_other_channels_leaves_a_name_as_it_is(left_on, named, monkeypatch):
-    """Half of the power is left, by the velocity: cogging does not stand in for that. By the position it may."""
+def test_a_name_stands_for_what_is_left_by_its_channels_or_by_how_little_it_is_believed(
+    left_on, belief, more, named, monkeypatch
+):
+    """Half of the power is left, by the velocity: cogging does not stand in for that. By the position it may. Where a
+    force without a name is likelier no name is given that the log leaves less belief than any had before it."""
     for name, stand_in in {
         "__init__": lambda _self: None,
         "_first": lambda _self: "cogging",
@@ -116,13 +127,15 @@ def test_what_depends_on_other_channels_leaves_a_name_as_it_is(left_on, named, m
         monkeypatch.setattr(Verdict, name, stand_in)
     monkeypatch.setattr(judgement, "probability_of", lambda _search, _whole, _member, belief, _surest: belief)
     monkeypatch.setattr(judgement, "before_climb", lambda *_: None)
+    monkeypatch.setattr(judgement, "unexplained_of", lambda *_: Unexplained(0.1, more))
     verdict = Verdict()
     verdict.search = verdict.whole = verdict.surest = None
     verdict.problem = SimpleNamespace(errors=SimpleNamespace(rmse=lambda _: 1.0))
-    verdict.shown, verdict._named_for = SimpleNamespace(settings=None), {}
-    verdict.members = {"cogging": Membership("cogging", {"cogging": 1.0}, ())}
+    verdict.shown, verdict._named_for, verdict.doubted = SimpleNamespace(settings=None), {}, ""
+    verdict.members = {"cogging": Membership("cogging", {"cogging": belief}, ())}
     verdict.beyond = Discrepancy(left_on, 0.5, True, 0.1)
-    assert verdict._of_members() == (named, 0.5 if named == "cogging" else 0.9)
+    assert verdict._of_members() == (named, min(belief, 0.5) if named == "cogging" else 0.9)
+    assert verdict.doubted == ("cogging" if named == "unknown" else "")
 
 
 def test_a_doubtful_answer_is_not_asked_again_on_parts():

@@ -54,17 +54,14 @@ def discrepancy_of(search: Search, fit: Fit) -> Discrepancy:
     return replace(first, unknown=over_time.unknown or there.unknown)
 
 
-def before_climb(search: Search, whole: Fit, beyond: Discrepancy, asked: Settings, name: str, belief: float) -> Fit:
+def before_climb(search: Search, whole: Fit, beyond: Discrepancy, asked: Settings, name: str) -> Fit:
     """What the share that a set explains is of: the model with its own values fitted; for an effect of the set that
     answered the last rung, the model without what the climb took of that set: half of it is as sure as it was.
 
-    Not where a function of its own channels explains what is left, for then it stands in for another law of them; and
-    not where the log leaves less belief in it than there was before, one of some twenty.
+    Not where a function of its own channels explains what is left, for then it stands in for another law of them.
     """
-    doubtful = beyond.of_channels(name) or belief <= math.exp(-POLICY.effect_price)
-    if asked.begun is None or name not in asked.begun.effects or doubtful:
-        return search.refit
-    return search.fit(search.problem.before, whole.tap)
+    goes_on = asked.begun is not None and name in asked.begun.effects and not beyond.of_channels(name)
+    return search.fit(search.problem.before, whole.tap) if goes_on else search.refit
 
 
 def _structured(equations: Equations, residual: Array) -> float:

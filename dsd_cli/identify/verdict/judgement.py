@@ -51,7 +51,7 @@ class Verdict:
         self.alone = {o.effect: o for o in options}
         for one in self._members_alone():
             self.alone[one.effect] = max(self.alone.get(one.effect, one), one, key=lambda o: o.evidence)
-        self.rising = ""  # the effect that would be named, if the held-out error did not rise with it
+        self.rising = self.doubted = ""  # it would be named, but the error rises with it; it stands in for another law
         self.named, self.sure = self.verdict()
         most = min(self.surest, POLICY.even if self.named == UNKNOWN else 1.0)
         self.missing = missing_of(search, whole, members, most, {self.named: self.sure})
@@ -101,16 +101,18 @@ class Verdict:
         if not (group or self._only_together()) or self._weightless(self.whole):
             self.rising = best if self._explains(best) else ""
             return self._unknown()
-        belief = probability_of(self.search, self.whole, member, member.place, self.surest)
-        begun = before_climb(self.search, self.whole, self.beyond, self.shown.settings, best, belief)
+        begun = before_climb(self.search, self.whole, self.beyond, self.shown.settings, best)
         known = self._share_of_possible(rmse(begun), rmse(self.whole))
         named = min(group or [best], key=lambda name: get_effect(name).rarity)
-        self._named_for[named] = best
         doubtful = self.beyond.of_channels(best) or needs_acceleration(named)
-        if doubtful and known < POLICY.share_of_possible:
-            return self._unknown()
         belief = max(member.probabilities.get(named, 0.0), member.place / (1 + len(member.rivals)))
-        return named, min(known, probability_of(self.search, self.whole, member, belief, self.surest))
+        belief = min(known, probability_of(self.search, self.whole, member, belief, self.surest))
+        more = unexplained_of(self.search, self.whole, self.beyond, POLICY.surest).probability
+        if (doubtful and known < POLICY.share_of_possible) or belief < min(more, math.exp(-POLICY.effect_price)):
+            self.doubted = best
+            return self._unknown()
+        self._named_for[named] = best
+        return named, belief
 
     def _first(self) -> str:
         """The one worth most alone of those that, or what ties with them, are rather there; of near ones a commoner."""
@@ -181,7 +183,7 @@ class Verdict:
         fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
         known, given, nearest = problem.values(fit), self.shown.given or self.search, self._nearest()
         refit = given.problem.values(given.refit)
-        several = len(self.members) > 1
+        near, several = "" if self.doubted else nearest, len(self.members) > 1
         joint = problem.values(self.whole) if several else known
         unknown, source, own = self.beyond.unknown, problem.recordings[0].provenance, verdict in problem.model.effects
         one = self.seen is not None or verdict == self.own.wrong != ""
@@ -195,7 +197,7 @@ class Verdict:
             refitted=refitted,
             ranking=ranking,
             ceiling=Ceiling(self.beyond.heldout_rmse, self.beyond.on),
-            advice=advice_for(verdict, named, unknown, self.beyond.on, source, nearest, own),
+            advice=advice_for(verdict, named, unknown, self.beyond.on, source, near, own),
             estimates=joint.estimates,
             correlations=joint.correlations,
             given=problem.model,
@@ -222,13 +224,13 @@ class Verdict:
         )
 
     def _nearest(self) -> str:
-        """The effect that would explain much of what is unknown, but is not confirmed block by block."""
+        """The effect that would explain much of what is unknown, but not in all blocks, or is believed less."""
         if self.named == NONE:
             creeping = self._in_creeping()
             return creeping.effect if creeping is not None else ""
         alike = self.beyond.of_gain and not self.members  # u times something is no effect
-        if self.named != UNKNOWN or not self.options or self.limits.blocked or alike:
-            return ""
+        if self.doubted or self.named != UNKNOWN or not self.options or self.limits.blocked or alike:
+            return self.doubted
         refit, best = self.search.refit, self.options[0]
         before, after = self.problem.errors.rmse(refit), self.problem.errors.rmse(best.fit)
         likely = best.evidence > self.search.evidence(refit) and after < (1.0 - POLICY.clear_fall) * before
