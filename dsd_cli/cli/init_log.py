@@ -208,14 +208,14 @@ def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal
     inertia, delay = _told(checked, "inertia"), _told(checked, "delay")
     if inertia is None or inertia <= 0.0:
         _without_inertia(log, out)
-        _put_delays(0.0 if delay is None else max(delay, 0.0), step, delay is not None, out)
+        _put_delays(0.0 if delay is None else max(delay, 0.0), step, delay is not None, out, _only_channel(log))
         return
     inertia = float(f"{inertia:.3g}")
     out.put("observer", "nominal_inertia", inertia, "identified from this log, per unit of u")
     out.put("model", "inertia", inertia)
     out.put("states", "inertias", [_short(0.67 * inertia), inertia, _short(1.5 * inertia)])
     at = max(delay or 0.0, 0.0)
-    _put_delays(at, step, delay is not None, out)
+    _put_delays(at, step, delay is not None, out, _only_channel(log))
     left = _left(loaded, PlantModel(inertia, at), ObserverSettings(inertia, 5 * step, 1))
     if 0.0 < left < float(np.std(log["u"])):  # more is no fit at all, as of trials joined in one file
         rho = float(f"{max(RHO_OF_LEFT * left, RHO_LEAST * float(np.std(log['u']))):.3g}")
@@ -247,14 +247,26 @@ def _doubt_time_unit(step: float, out: Proposal) -> None:
         )
 
 
-def _put_delays(at: float, step: float, told: bool, out: Proposal) -> None:
+def _put_delays(at: float, step: float, told: bool, out: Proposal, only: str = "") -> None:
+    """only : the channel from which alone the motion is known."""
     if told and at > 0.5 * step:
         wide = max(step, 0.5 * at)
         delays = [_short(at - wide), _short(at), _short(at + wide)]
-        out.put("states", "delays", delays, f"around {at:.3g} s, identified from this log")
+        late = (
+            f", if it is u that is late and not the measured {only}: one motion channel cannot show which"
+            if only
+            else ""
+        )
+        out.put("states", "delays", delays, f"around {at:.3g} s, identified from this log{late}")
         out.put("model", "delay", _short(at))
     else:
         out.put("states", "delays", [0.0, *(_short(k * step) for k in (1, 2, 4))], "0, 1, 2 and 4 samples")
+
+
+def _only_channel(log: Log) -> str:
+    """The motion channel of a log that has no other."""
+    motion = [name for name in ("position", "velocity", "d_hat") if name in log]
+    return motion[0] if len(motion) == 1 and motion != ["d_hat"] else ""
 
 
 def _told(checked: CheckResult, name: str) -> float | None:

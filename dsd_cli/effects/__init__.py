@@ -3,6 +3,7 @@
 from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, SpectralLines, Values
 from dsd_cli.effects.catalogue import (
     catalogue,
+    delays_command,
     find_effect,
     free_name,
     get_effect,
@@ -23,6 +24,7 @@ __all__ = [
     "SpectralLines",
     "Values",
     "catalogue",
+    "delays_command",
     "find_effect",
     "free_name",
     "get_effect",

@@ -73,6 +73,12 @@ def find_effect(name: str) -> Effect | None:
     return _own().get(name) or _REGISTERED.get(name) or GENERAL.get(name) or _numbered(name)
 
 
+def delays_command(name: str) -> bool:
+    """Whether what has this name, an effect or the delay of a model, makes u late."""
+    effect = find_effect(name)
+    return name == "delay" or (effect is not None and effect.lateness is not None)
+
+
 @cache
 def _numbered(name: str) -> Effect | None:
     """The effect that repeats under a name with a number."""

@@ -28,7 +28,7 @@ from dsd_cli.report.prior_conflicts import against_json, no_confirmation
 from dsd_cli.report.terminal import Hanging, escaped
 from dsd_cli.report.two_numbers import believed, missing_json, two_answers, unexplained_json
 from dsd_cli.report.values_table import correlation_lines, correlations_json
-from dsd_cli.report.verdict import verdict_line
+from dsd_cli.report.verdict import advice_of, verdict_line
 
 #: Rows of a table on the screen; the JSON has all.
 MOST_CANDIDATES = 12
@@ -71,7 +71,7 @@ def to_json(report: DiagnosisReport) -> dict[str, Any]:
         "estimates": estimates_json(result.estimates),
         "correlations": correlations_json(result.correlations),
         "provenance": dict(result.provenance),
-        "advice": list(result.advice),
+        "advice": list(advice_of(result)),
         "warnings": list(result.warnings),
         "dropped": [{"reason": reason, "count": count} for reason, count in report.dropped.items()],
     }
@@ -189,7 +189,7 @@ def _closing_lines(report: DiagnosisReport) -> list[str]:
     if len(result.found) > 1:
         lines.append(f"found together: {found_text(result)}")
     if not result.blocked:
-        lines += two_answers(result.missing, result.unexplained)
+        lines += two_answers(result.missing, result)
     lines += [f"verdict on parts: {line}" for line in [stability_line(result)] if line]
     shown_above = tuple(f"{effect}." for effect in result.found) if result.whole_values else ()
     along = {k: e for k, e in result.estimates.items() if not k.startswith(shown_above)} if result.estimates else {}
@@ -212,7 +212,7 @@ def _closing_lines(report: DiagnosisReport) -> list[str]:
     if report.dropped:
         counts = ", ".join(f"{reason} {count:,}" for reason, count in report.dropped.items())
         lines.append(f"rows not taken as they are: {counts}")
-    return [*lines, *filter(None, [result.units.legend]), *(f"-> {advice}" for advice in result.advice)]
+    return [*lines, *filter(None, [result.units.legend]), *(f"-> {advice}" for advice in advice_of(result))]
 
 
 def found_text(result: Diagnosis) -> str:

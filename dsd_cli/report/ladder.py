@@ -9,6 +9,7 @@ from typing import Any
 
 from dsd_cli.identify.compare.versus import Moved
 from dsd_cli.identify.results import (
+    DELAY,
     NONE,
     UNKNOWN,
     Diagnosis,
@@ -40,7 +41,7 @@ from dsd_cli.report.terminal import escaped
 from dsd_cli.report.two_numbers import missing_json, two_answers, unexplained_json
 from dsd_cli.report.validation import validation_json, validation_lines
 from dsd_cli.report.values_table import correlations_json, print_values
-from dsd_cli.report.verdict import verdict_line
+from dsd_cli.report.verdict import late_text, verdict_line
 from dsd_cli.report.versus import moved_json, print_moved
 from dsd_cli.signals.units import Units
 
@@ -129,6 +130,8 @@ def final_line(result: Ladder) -> str:
     judged = result.verdict in (NONE, UNKNOWN) or result.verdict == result.last.verdict
     if judged:
         line += f"; {verdict_line(_judged(result))}"
+    there = [step.effect for step in result.steps if step.effect in (DELAY, *result.steps[-1].model.effects)]
+    line += late_text((name for name in there if name != result.verdict), result.last.provenance)
     return f"{line}; stopped: {result.stopped}" if result.stopped else line
 
 
@@ -190,7 +193,7 @@ def print_ladder(report: LadderReport, file: Any) -> None:
         console.print(escaped(f"verdict on parts: {line}"))
     back = {step.effect for step in result.steps if step.kind == "taken back"}
     added = [step.effect for step in result.steps if step.effect not in back]
-    for line in [] if result.last.blocked else two_answers(result.missing, result.last.unexplained, added):
+    for line in [] if result.last.blocked else two_answers(result.missing, result.last, added):
         console.print(escaped(line))
     print_legend(console, result.last.units)
     console.print(f"[bold]{escaped(final_line(result))}[/bold]")

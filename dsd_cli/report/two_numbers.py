@@ -7,7 +7,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from dsd_cli.identify.missing import Missing, Unexplained
-from dsd_cli.report.names import listed, number_or_none, percent
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.results import Diagnosis
+from dsd_cli.report.names import error, listed, number_or_none, percent, values_text
+
+#: Why errors of values do not hold beside what is unexplained: they count it as noise that goes with no effect.
+_BENT = "their +- count what is unexplained as noise; where an effect or J stands in for it they are off by more"
+#: Share of what is left, below which what an effect would leave is worth saying.
+_MOST_OF_IT = 0.5
 
 
 def missing_json(missing: Sequence[Missing]) -> list[dict[str, Any]]:
@@ -29,12 +36,12 @@ def believed(probability: float) -> bool:
     return not probability < 0.5
 
 
-def two_answers(missing: Sequence[Missing], left: Unexplained, added: Sequence[str] = ()) -> list[str]:
+def two_answers(missing: Sequence[Missing], last: Diagnosis, added: Sequence[str] = ()) -> list[str]:
     """`missing: coulomb_friction (98 %)` and `unexplained: 3 % of u (probability that more is missing: 90 %)`.
 
-    added : effects that the model at the end has: they are missing no more.
+    last : the diagnosis that says what is left. added : effects of the model at the end, which are missing no more.
     """
-    lines = []
+    lines, left = [], last.unexplained
     for what, inside in (("added", True), ("missing", False)):
         those = [f"{one.effect} ({percent(one.probability)})" for one in missing if (one.effect in added) is inside]
         lines += [f"{what}: {listed(those)}"] if those else []
@@ -42,4 +49,24 @@ def two_answers(missing: Sequence[Missing], left: Unexplained, added: Sequence[s
         return lines
     over = f", over {listed(left.on)}" if left.on else ""
     share = percent(min(left.share_of_u, 1.0))
-    return [*lines, f"unexplained: {share} of u (probability that more is missing: {percent(left.probability)}){over}"]
+    lines.append(f"unexplained: {share} of u (probability that more is missing: {percent(left.probability)}){over}")
+    if math.isfinite(left.probability) and believed(left.probability):
+        return [*lines, f"values: {_BENT}"]
+    return [*lines, *_too_small(last)]
+
+
+def _too_small(last: Diagnosis) -> list[str]:
+    """That what is left is no noise of the sensor, and yet so little of u that it does not count as missing."""
+    u = 100.0 * last.score.rmse / max(last.score.relative_error_percent, 1e-300)
+    left = last.unexplained.share_of_u * u
+    if not left > POLICY.floor_factor * last.floor:
+        return []
+    line = f"too small to count: {error(left)} {last.units.force} is left, of which the sensor's noise would leave"
+    line += f" {error(last.floor)}; less than {percent(POLICY.floor_excess)} of u counts as what any model leaves"
+    before = last.refitted.heldout_rmse
+    tested = (one for one in last.ranking if one.parameters and one.effect not in (last.verdict, *last.found))
+    best = min(tested, key=lambda one: one.heldout_rmse_after, default=None)
+    if best is None or not best.heldout_rmse_after < _MOST_OF_IT * before:
+        return [line]
+    fall = percent(1.0 - best.heldout_rmse_after / before)
+    return [f"{line}; {best.effect} ({values_text(best.parameters)}) would take {fall} of it off"]

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 
-from dsd_cli.effects import get_effect
+from dsd_cli.effects import delays_command, get_effect
 from dsd_cli.effects.base import Role
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate, Diagnosis
@@ -14,6 +14,7 @@ from dsd_cli.report.levels import levels_text
 from dsd_cli.report.names import error, force_error, listed, moves, percent, values_text
 from dsd_cli.report.prior_conflicts import first_of_all
 from dsd_cli.report.two_numbers import believed
+from dsd_cli.signals.sources import only_channel
 from dsd_cli.signals.units import Units
 
 #: What a force that depends on the place is called depends on the unit of that.
@@ -21,6 +22,12 @@ ASSUMED = (
     "so called with the position in rad or m, which nothing says: in degrees or turns the same force has another name"
     " of gravity, stiffness and cogging (signals.position_unit decides)"
 )
+
+#: What shows whether u is late or the only channel of the motion: a step of u looks the same with either.
+_TO_SETTLE = {
+    "velocity": "log the raw position beside it, or look up the speed filter of the drive; steps of u do not show it",
+    "position": "log another sensor's speed beside it, or look up how late the sensor is; steps of u do not show it",
+}
 
 
 def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
@@ -44,13 +51,14 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
         if kept := kept_values(result.warnings):
             return f"with {listed(kept)} as given, something is left that no effect explains{on} ({sure}): {left}"
         near = candidate(result, result.nearest)
-        if near is not None:
+        if near is not None and near.effect not in result.found:
             falls = percent(1.0 - near.heldout_rmse_after / near.heldout_rmse_before)
             return (
                 f"something is missing, and this log does not confirm what{on} ({sure}): {left};"
                 f" {near.effect} comes nearest ({falls} less), but not in all parts of the log"
             )
-        return f"something is missing that no effect of the catalogue explains{on} ({sure}): {left}"
+        line = f"something is missing that no effect of the catalogue explains{on} ({sure}): {left}"
+        return line + (f"; nearest in the catalogue: {near.effect}, {percent(near.probability)}" if near else "")
     winner = candidate(result, result.verdict)
     if winner is None:
         return f"{result.verdict} is missing ({sure})"
@@ -59,13 +67,40 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
     beside, falls = _with_the_set(result, winner)
     tied = winner.indistinguishable_from  # one of these it is
     placed = of_place((winner.effect, *result.found), result.units)
+    more, on = result.unexplained, f" over {listed(result.unexplained.on)}" if result.unexplained.on else ""
+    if not believed(result.probability) and more.probability > result.probability:
+        sure += f", less than of a force{on} that no effect of the catalogue describes, {percent(more.probability)}"
     verb = "is" if winner.effect not in placed and believed(result.probability) else "may be"
     if winner.effect in (INERTIA, DELAY) or (given is not None and winner.effect in given.effects):
         line = f"{_as_given(winner, given)} of [model] {verb} wrong: {values}{sure}{beside}; {held} {falls}"
     else:
         line = f"{winner.effect} {verb} missing: {values}{sure}{beside}; {held} {falls}"
     line += f"; {assumed_text(placed)}" if placed else ""
-    return line + (f"; from this log it is indistinguishable from {listed(tied, 'or')}" if tied else "")
+    line += f"; from this log it is indistinguishable from {listed(tied, 'or')}" if tied else ""
+    return line + late_text(dict.fromkeys((winner.effect, *tied, *result.found)), result.provenance)
+
+
+def late_text(effects: Iterable[str], provenance: Mapping[str, str]) -> str:
+    """An end for a sentence: what of these makes u late may be of the sensor as well, where u and one channel are all
+    that is logged of an axis; "" else.
+
+    Linear laws commute: what filters or delays the measured motion does as much to u.
+    """
+    channel, late = only_channel(provenance), [name for name in effects if delays_command(name)]
+    if not channel or not late:
+        return ""
+    return (
+        f"; or the measured {channel} is filtered or late by as much as that ({listed(late, 'or')}): u and one motion"
+        " channel cannot show which"
+    )
+
+
+def advice_of(result: Diagnosis) -> tuple[str, ...]:
+    """What to do next, the most useful first: where u may be late or the only channel of the motion, what shows it."""
+    channel = only_channel(result.provenance)
+    if not channel or not any(map(delays_command, (result.verdict, *result.found))):
+        return result.advice
+    return (f"is u late, or the measured {channel}? {_TO_SETTLE[channel]}", *result.advice)
 
 
 def _with_the_set(result: Diagnosis, winner: Candidate) -> tuple[str, str]:

@@ -106,6 +106,17 @@ def test_a_log_with_other_names_and_units_becomes_a_config_that_is_right(tmp_pat
     assert re.search(rf"final: {state}\S+ \(confident\)", label.stdout)
 
 
+@pytest.mark.parametrize("motion", [("velocity",), ("position",), ("velocity", "position")])
+def test_a_delay_may_be_of_the_only_motion_channel(motion: tuple[str, ...], tmp_path: Path) -> None:
+    data = axis(3000)
+    (tmp_path / "a.csv").write_text(csv_text({name: data[name] for name in ("t", "u", *motion)}))
+    said = done("init", "a.csv", cwd=tmp_path).stderr
+    (line,) = [line for line in said.splitlines() if line.strip().startswith("delays = ")]
+    assert "identified from this log" in line
+    late = f"if it is u that is late and not the measured {motion[0]}: one motion channel cannot show which"
+    assert (late in line) is (len(motion) == 1)
+
+
 @pytest.mark.parametrize(
     ("u", "position", "velocity", "named", "factors"),
     [

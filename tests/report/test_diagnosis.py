@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError
+from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.results import Candidate, Estimate
 from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
 from dsd_cli.report.figure import rendered
@@ -48,6 +49,50 @@ def test_the_verdict_is_one_sentence() -> None:
         " (probability 80 %): the held-out force error below 31.4 Hz is 0.113 (unit of u)"
     )
     assert "depends" not in verdict_line(replace(UNKNOWN, depends_on=()))
+
+
+def test_what_comes_nearest_to_the_unknown_is_said_with_how_little_it_is_believed() -> None:
+    """The headline was "constant_load may be missing, probability 1 %" of a log that misses something, 89 %."""
+    doubted = replace(UNKNOWN, nearest="stribeck_friction", found=("stribeck_friction",))
+    assert verdict_line(doubted) == verdict_line(UNKNOWN) + "; nearest in the catalogue: stribeck_friction, 1 %"
+    assert "comes nearest (60 % less), but not in all parts" in verdict_line(replace(doubted, found=()))
+
+
+ONE_CHANNEL = {"u": "logged", "d_hat": "computed from velocity", "position": "integrated from velocity"}
+BY_POSITION = {"u": "logged", "d_hat": "computed from position", "velocity": "from position", "position": "logged"}
+
+
+@pytest.mark.parametrize(("channels", "only"), [(ONE_CHANNEL, "velocity"), (BY_POSITION, "position")])
+def test_what_makes_u_late_may_be_of_the_only_motion_channel(channels: dict[str, str], only: str) -> None:
+    late = replace(DIAGNOSIS.ranking[0], effect="delay", indistinguishable_from=("actuator_lag",))
+    found = replace(DIAGNOSIS, verdict="delay", ranking=(late,), found=(), provenance=channels)
+    said = (
+        f"; or the measured {only} is filtered or late by as much as that (delay or actuator_lag): u and one motion"
+        " channel cannot show which"
+    )
+    assert verdict_line(found).endswith("indistinguishable from actuator_lag" + said)
+    both = {**channels, "velocity": "logged", "position": "logged"}
+    assert "filtered" not in verdict_line(replace(found, provenance=both))
+    beside = replace(DIAGNOSIS, found=("coulomb_friction", "actuator_lag"), provenance=channels)
+    assert verdict_line(beside).endswith("(actuator_lag): u and one motion channel cannot show which")
+    assert "filtered" not in verdict_line(replace(DIAGNOSIS, provenance=channels)), "friction makes nothing late"
+    settled = f"is u late, or the measured {only}? log "
+    for one in (found, beside):
+        assert to_json(DiagnosisReport(one, GIVEN))["advice"][0].startswith(settled)
+        assert f"-> {settled}" in shown(DiagnosisReport(one, GIVEN))
+    for one in (replace(found, provenance=both), replace(DIAGNOSIS, provenance=channels)):
+        assert to_json(DiagnosisReport(one, GIVEN))["advice"] == list(DIAGNOSIS.advice)
+
+
+def test_a_doubtful_name_has_the_likelier_force_without_one_beside_it() -> None:
+    doubtful = replace(DIAGNOSIS, probability=0.27, unexplained=Unexplained(0.1, 0.9, ("position",)))
+    assert (
+        "coulomb_friction may be missing: level 0.52 +- 0.03 u, probability 27 %, less than of a force over position"
+        " that no effect of the catalogue describes, 90 %; the held-out"
+    ) in verdict_line(doubtful)
+    sure = replace(doubtful, probability=0.8)
+    for other in (sure, replace(doubtful, unexplained=Unexplained(0.01, 0.1))):
+        assert "less than of" not in verdict_line(other)
 
 
 SEVERAL = replace(

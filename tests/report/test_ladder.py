@@ -26,7 +26,8 @@ from dsd_cli.report.ladder import (
     step_line,
 )
 from dsd_cli.report.plots_ladder import draw
-from tests.report.examples import ADDITION, ESTIMATES, GIVEN, INERTIA, LADDER, NAN, STEPS, UNKNOWN
+from dsd_cli.report.two_numbers import two_answers
+from tests.report.examples import ADDITION, DIAGNOSIS, ESTIMATES, GIVEN, INERTIA, LADDER, NAN, NOTHING, STEPS, UNKNOWN
 
 REPORT = LadderReport(LADDER, ("a.csv",), "better.toml", {"gap": 2}, ("a.csv: odd",))
 ADDED = AdditionReport(ADDITION, ("a.csv",), (), "better.toml", Force(0.38, 61.0, 12.0, 31.4, 0.02))
@@ -93,6 +94,17 @@ def test_lines() -> None:
     assert refitted in final_line(stopped)
 
 
+def test_a_lag_that_was_added_may_be_of_the_only_motion_channel() -> None:
+    with_lag = STEPS[-1].model.changed(effects={"actuator_lag": {"time_constant": 0.02}})
+    lag = replace(STEPS[-1], step=3, effect="actuator_lag", model=with_lag)
+    last = replace(LADDER.last, provenance={"position": "integrated from velocity"})
+    line = final_line(replace(LADDER, steps=(*STEPS, lag), last=last))
+    assert "; or the measured velocity is filtered or late by as much as that (actuator_lag): " in line
+    assert "filtered" not in final_line(replace(LADDER, last=last))
+    taken_back = replace(STEPS[-1], step=4, effect="actuator_lag", kind="taken back")
+    assert "filtered" not in final_line(replace(LADDER, steps=(*STEPS, lag, taken_back), last=last))
+
+
 def test_what_was_added_is_not_called_missing() -> None:
     """Below "nothing is missing" stood "missing: coulomb_friction (99 %)"."""
     both = (Missing("coulomb_friction", 0.99), Missing("cogging", 0.7))
@@ -103,6 +115,29 @@ def test_what_was_added_is_not_called_missing() -> None:
     assert "added: coulomb_friction (99 %)" in lines
     assert "missing: cogging (70 %)" in lines
     assert "unexplained: < 1 % of u (probability that more is missing: 1 %)" in lines
+
+
+def test_a_part_of_u_that_is_too_small_to_count_is_no_noise_of_the_sensor() -> None:
+    """0.3 % of u, twelve times the floor, was "probability that more is missing: 1 %" and no more was said; u is
+    0.38 / 12 % = 3.17."""
+    least = Unexplained(0.02, 0.01)  # 0.0633 of u, over a floor of 0.02
+    left = replace(NOTHING, unexplained=least, refitted=Score(0.06, 0.065, 98.0, 2.0), ranking=DIAGNOSIS.ranking)
+    lines = two_answers((), replace(left, verdict="inertia"))
+    assert lines[1:] == [
+        "too small to count: 0.0633 unit of u is left, of which the sensor's noise would leave 0.02; less than 3 % of u"
+        " counts as what any model leaves"
+    ]
+    better = replace(DIAGNOSIS.ranking[0], heldout_rmse_after=0.013)
+    (_, line) = two_answers((), replace(left, ranking=(better, *DIAGNOSIS.ranking[1:])))
+    assert line.endswith("; coulomb_friction (level 0.52 +- 0.03 u) would take 80 % of it off")
+    assert len(two_answers((), replace(left, unexplained=Unexplained(0.01, 0.01)))) == 1, "1.6 times the floor"
+
+
+def test_values_beside_something_unexplained_are_said_to_be_off_by_more_than_their_errors() -> None:
+    """A load that follows its own law was an inertia of 0.00509 +- 0.00007, and is 0.004."""
+    said = "values: their +- count what is unexplained as noise; where an effect or J stands in for it they are off by"
+    assert two_answers((), replace(DIAGNOSIS, unexplained=Unexplained(0.03, 0.82)))[1] == f"{said} more"
+    assert not any("values" in line for line in two_answers((), replace(DIAGNOSIS, unexplained=Unexplained(0.03, 0.2))))
 
 
 @pytest.mark.parametrize(("file", "full", "part"), [(Utf8(), "█", "▉"), (Ascii(), "#", "#")])

@@ -14,6 +14,7 @@ from dsd_cli.report.page.plan_part import plan_part
 from dsd_cli.report.page.story import Story
 from dsd_cli.report.values_table import GRADES as WORDS
 from dsd_cli.report.values_table import correlation_lines
+from dsd_cli.report.verdict import advice_of
 
 
 def untold_section(story: Story) -> Html:
@@ -70,10 +71,10 @@ def _advice(story: Story) -> list[str]:
     found = [f.remedy for check in story.checks for f in check.findings if f.remedy and f.severity != "note"]
     first, last = _first(story), _last(story.ladder.value)
     if last is not None:
-        found += last.advice
+        found += advice_of(last)
     tied = any(one.indistinguishable_from for one in _ties(story))
     if first is not None and (last is None or tied):
-        found += first.advice
+        found += advice_of(first)
     return [typeset(line) for line in found]
 
 
