@@ -108,7 +108,8 @@ class Verdict:
         belief = max(member.probabilities.get(named, 0.0), member.place / (1 + len(member.rivals)))
         belief = min(known, probability_of(self.search, self.whole, member, belief, self.surest))
         more = unexplained_of(self.search, self.whole, self.beyond, POLICY.surest).probability
-        if (doubtful and known < POLICY.share_of_possible) or belief < min(more, math.exp(-POLICY.effect_price)):
+        first, before = begun is self.search.refit, math.exp(-POLICY.effect_price)  # a set that is taken is taken whole
+        if (doubtful and known < POLICY.share_of_possible) or (first and belief < min(more, before)):
             self.doubted = best
             return self._unknown()
         self._named_for[named] = best
