@@ -9,8 +9,9 @@ from dsd_cli.signals.log import Array
 
 #: Two channels are one quantity, asked for and measured, where one leaves less than this share of the other,
 TWINS = 0.05
-#: or in half of the rows, those in which a step has been followed, less than this share of its square.
-SETTLED = 0.01
+#: or in half of the rows, those in which a step has been followed, less than this share of its square, while it moves:
+#: its variance in these rows is more than this share of all.
+SETTLED, MOVED = 0.01, 0.25
 #: And their variances are alike within this factor.
 ALIKE = 2.0
 #: An average over some samples is compared with that of another channel where the log has so many of them one after the
@@ -32,7 +33,10 @@ def lead_of(x: Array, y: Array) -> int | None:
     lag = lag_of(x - x.mean(), y - y.mean(), LONGEST)
     a, b = (x[: x.size - lag], y[lag:]) if lag >= 0 else (x[-lag:], y[:lag])
     apart = (b - a) ** 2
-    return lag if float(np.mean(apart)) < TWINS * power or float(np.median(apart)) < SETTLED * power else None
+    half = float(np.median(apart))
+    # where both rest nothing is followed
+    settled = half < SETTLED * power and float(np.var(a[apart <= half])) > MOVED * power
+    return lag if settled or float(np.mean(apart)) < TWINS * power else None
 
 
 def averages(x: Array, y: Array) -> bool:

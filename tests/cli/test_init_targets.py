@@ -73,3 +73,16 @@ def test_a_log_whose_u_says_nothing_is_told_so(cells: str, why: str, tmp_path: P
     (tmp_path / "a.csv").write_text(f"t,u,position\n{rows}")
     last = dsd("init", "a.csv", cwd=tmp_path).stderr.splitlines()[-1]
     assert f"this log has no control input that changes: {why}; dsd needs one" in last
+
+
+def test_a_control_input_that_rests_with_the_axis_is_no_target(tmp_path):
+    """Both are 0 in three rows of five; u, in its own unit, varies about as much as the speed."""
+    t = np.arange(12_000) * 1e-3
+    a = np.where(t % 2.5 < 1.0, 2.0 * np.pi * np.sin(2.0 * np.pi * t), 0.0)  # a move in 1 s, then rest
+    v, drive = np.cumsum(a) * 1e-3, 0.2 * a + np.sign(np.where(np.abs(a) > 0.0, 1.0, 0.0))
+    rng = np.random.default_rng(300400)
+    channels = np.column_stack([t, drive + 1e-3 * rng.normal(size=t.size), np.cumsum(v) * 1e-3, v])
+    assert 0.5 < np.var(channels[:, 1]) / np.var(v) < 2.0
+    np.savetxt(tmp_path / "log.csv", channels, fmt="%.7f", delimiter=",")
+    ran = dsd("init", "log.csv", "--force", cwd=tmp_path)
+    assert "was asked for" not in ran.stdout + ran.stderr
