@@ -156,6 +156,8 @@ def _written(answer: Answer, output: str, joint: str) -> None:
     from dsd_cli.files.whole import write_whole
 
     if answer.plan.motion is None:
+        if output != "-" and Path(output).exists():
+            typer.echo(f"{output} is of an earlier plan: no motion is needed or would help now", err=True)
         return
     text = motion_text(answer.plan.motion, motion_format(output), joint)
     if output == "-":

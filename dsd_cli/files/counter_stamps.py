@@ -61,10 +61,11 @@ class _CountedOn(WrappedTable):
         added = np.zeros(x.size)
         for at in np.flatnonzero(np.diff(x) < 0.0) + 1:
             step = x[at - 1] - x[at - 2] if at > 1 else 0.0
-            if at < self._before.size or not (x[at - 1].is_integer() and x[at].is_integer() and x[at] >= 0.0):
+            if at < self._before.size or not (x[at - 1].is_integer() and x[at].is_integer()):
                 continue
             for turn in TURNS:
-                if x[at - 1] < turn and 0.0 < x[at] + turn - x[at - 1] <= STEPS * step:
+                lowest = 0.0 if x[at] >= 0.0 else -0.5 * turn  # unsigned, or signed
+                if lowest <= x[at] and x[at - 1] < turn + lowest and 0.0 < x[at] + turn - x[at - 1] <= STEPS * step:
                     added[at:] += turn
                     self._wraps[turn] += 1
         return added[self._before.size :]

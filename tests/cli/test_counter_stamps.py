@@ -34,6 +34,13 @@ def test_stamps_go_on_where_the_counter_wraps(bits: int, begin: int, tmp_path: P
     assert "stamps go back" not in ran.stdout
 
 
+def test_a_signed_counter_goes_on_too(tmp_path: Path) -> None:
+    stamps = (2**31 - 1_500_500 + 1000 * np.arange(ROWS)).astype(np.uint32).view(np.int32)
+    ran = done("check", log(tmp_path, stamps), "-c", "rig.toml", cwd=tmp_path)
+    assert "a counter of 32 bits, which wraps 1 time(s)" in " ".join(ran.stderr.split())
+    assert "stamps go back" not in ran.stdout
+
+
 def test_a_stream_of_them_gets_the_labels_of_the_file(tmp_path: Path) -> None:
     name = log(tmp_path, (2**32 - 1_500_500 + 1000 * np.arange(ROWS)) % 2**32)
     of_file = done("detect", name, "-c", "rig.toml", "--format", "csv", cwd=tmp_path).stdout

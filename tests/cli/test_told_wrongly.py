@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.rig import FEW, done
+from tests.cli.rig import done
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
 LOG, KNOWN, BARE = "servo-friction.csv", "servo-friction.toml", "servo-bare.toml"
@@ -43,7 +43,7 @@ def test_nothing_is_added_in_place_of_a_value_that_was_told_wrongly(config, told
 def test_a_prior_that_gives_way_leaves_the_verdict_alone():
     """And the error of the last rung is that of the verdict: beside a prior every step is fitted anew."""
     bare = ("--set", "model.effects.viscous_friction.coefficient=0.02", "--prior", "inertia=0.012+-0.0002")
-    found, words = improved(*bare, "--to", "1.2", effects=FEW)
+    found, words = improved(*bare, "--to", "1.2")
     assert found["verdict"] == "none"
     assert found["probability"] > 0.5
     assert "against the prior of inertia, which gave way" in found["verdict_text"]
@@ -55,7 +55,7 @@ def test_a_prior_that_gives_way_leaves_the_verdict_alone():
 
 def test_what_is_told_rightly_changes_no_verdict():
     told = ("--fix", f"coulomb_friction.level={COULOMB}", "--bounds", f"viscous_friction.coefficient=0:{2 * VISCOUS}")
-    made = done("diagnose", LOG, "-c", KNOWN, *told, "--to", "1.2", "--format", "json", cwd=SAMPLES, effects=FEW)
+    made = done("diagnose", LOG, "-c", KNOWN, *told, "--to", "1.2", "--format", "json", cwd=SAMPLES)
     found = json.loads(made.stdout)
     assert (found["verdict"], found["against_told"]) == ("none", [])
     assert found["probability"] > 0.5
