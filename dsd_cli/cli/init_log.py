@@ -176,7 +176,8 @@ def _read(
         out.said.append(f"time_unit: not said; steps of {step:g} are taken as {unit}{other}")
     out.put("signals", "time_unit", unit)
     apart = load_log(path, names, most_rows=ROWS, layout=layout).log.sample_time if chosen.clock else sample_time
-    settle_units(units_of(chosen.table, found, TIME_SCALE[unit], apart), out)
+    counted = 1.0 if is_open(out, "position") else factors_of(out).get("position", 1.0)
+    settle_units(units_of(chosen.table, found, TIME_SCALE[unit], apart, counted), out)
     if asked.ask is not None and is_open(out, "position") and (answer := asked.ask("position_unit", UNITS)):
         answer_unit(out, answer)
         found = {**found, "position": replace(found["position"], unit=answer)}

@@ -26,12 +26,15 @@ class Units(NamedTuple):
     why: str = ""
 
 
-def units_of(table: Table | None, found: Mapping[str, Recognised], seconds: float, step: float | None) -> Units:
+def units_of(
+    table: Table | None, found: Mapping[str, Recognised], seconds: float, step: float | None, counted: float = 1.0
+) -> Units:
     """What makes the velocity the slope of the position; nothing where both units are said, or nothing can be.
 
     Parameters
     ----------
-    seconds : s per unit of the time column. step : s between rows without one.
+    seconds : s per unit of the time column. step : s between rows without one. counted : rad or m per count, where the
+        position is in counts of which the user said how many there are.
     """
     p, w = found.get("position"), found.get("velocity")
     if table is None or p is None or (w is not None and w.of_kind and p.of_kind and w.of_kind[0] == p.of_kind[0]):
@@ -50,6 +53,11 @@ def units_of(table: Table | None, found: Mapping[str, Recognised], seconds: floa
         return _from_one(p, w, scale)
     if _near(scale, 1.0):
         return Units({})
+    if counted != 1.0:
+        why = (
+            f'"{w.column}" is {scale:.4g} times the slope of "{p.column}" per s: its factor follows that of the counts'
+        )
+        return Units({"velocity_scale": float(f"{counted / scale:.6g}")}, why)
     for of_p, of_w in _PAIRS:
         if _near(scale, POSITION[of_p][1] / VELOCITY[of_w][1]):
             why = f'"{w.column}" is {scale:.4g} times the slope of "{p.column}": {of_p} and {of_w}, if nobody says more'

@@ -90,3 +90,24 @@ def test_a_log_of_our_own_is_in_si(tmp_path: Path) -> None:
     said = done("init", "log.csv", cwd=tmp_path).stderr
     assert "is not said; it is taken" not in said
     assert not load_config(tmp_path / "dsd.toml").says("signals.position_unit")
+
+
+def test_a_velocity_in_counts_of_its_own_follows_the_counts_that_are_given_of_the_position(tmp_path: Path) -> None:
+    """A servo of 4096 counts per turn whose velocity is in 0.229 rpm per count, as its manual says."""
+    rows = np.loadtxt(swung(tmp_path), delimiter=",", skiprows=1)
+    rows[:, 2], rows[:, 3] = np.round(rows[:, 2] / 360.0 * 4096.0), np.round(rows[:, 3] / 6.0 / 0.229)
+    np.savetxt(tmp_path / "log.csv", rows, "%.7g", ",", header="t,torque,pos,vel", comments="")
+    said = done(
+        "init",
+        "log.csv",
+        "--set",
+        "signals.position_unit=counts",
+        "--set",
+        "signals.counts_per_turn=4096",
+        cwd=tmp_path,
+    )
+    assert "leave out" not in said.stderr
+    factors = load_config(tmp_path / "dsd.toml").signals.factors()
+    assert factors["velocity"] == pytest.approx(0.229 * 2.0 * np.pi / 60.0, rel=0.01)
+    found = checked(tmp_path)["findings"]
+    assert not [one for one in found if "times the slope" in one["what"] or "_unit" in one["remedy"]]
