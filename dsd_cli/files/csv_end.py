@@ -32,7 +32,8 @@ def _cut_off(lines: Sequence[bytes], delimiter: str, width: int, followed: bool 
     """
     if not lines or (lines[-1].endswith((b"\n", b"\r")) and not followed):
         return b""
-    fields = fields_of(decode(lines[-1]).strip(), delimiter)
+    fields = fields_of(decode(lines[-1]).rstrip("
+"), delimiter)  # tabs at its end are cells without a value
     return lines[-1] if len(lines) > 1 and len(fields) < width and is_number(fields[0].strip(' "')) else b""
 
 

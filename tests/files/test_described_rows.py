@@ -137,6 +137,14 @@ def test_a_footer_behind_a_line_that_was_cut(below: str, tmp_path: Path) -> None
     assert read.warnings[-1] == "the line before them is cut off in the middle, and left out"
 
 
+def test_tabs_at_the_end_of_the_last_row_are_cells_without_a_value(tmp_path: Path) -> None:
+    rows = [f"{t:g}\t{u:g}\t{q:g}\t\n" for t, u, q in zip(T, U, Q, strict=True)]
+    last = rows.pop().split("\t")
+    (tmp_path / "log.txt").write_text(f"time\tu\tslow\t\n{''.join(rows)}{last[0]}\t{last[1]}\t\t\nEOF\n")
+    (u,), read = table(tmp_path / "log.txt", "u")
+    assert (u.size, read.warnings) == (ROWS, ["1 line(s) of text at its end are left out"])
+
+
 def test_a_recorder_with_signs_apart_and_milliseconds_beside_the_date(tmp_path: Path) -> None:
     """2023-05-01 10:00:00 UTC is 1682935200 s."""
     head = ['"Model","GL840"', '"Number","Date&Time","ms","CH1"', '"NO.","Time","ms","A"']
