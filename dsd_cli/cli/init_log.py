@@ -81,7 +81,7 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
     ------
     DataError : it cannot be read. UsageError : a column that was named is not there.
     """
-    name, looked = name or path, sample(path, asked.layout)
+    name, looked = name or path, sample(path, asked.layout, asked.given.values())
     out = Proposal(said=list(looked.notes))
     chosen = choose(source_name(name), looked, asked.given)
     while chosen.missing and asked.ask is not None and not chosen.none_left:

@@ -217,14 +217,23 @@ def numbered(names: Sequence[str], wanted: Iterable[str], below: Sequence[str] =
     return found
 
 
+def by_number(names: Sequence[str]) -> list[str]:
+    """The names, but numbers, from 1, of columns whose name one before them has."""
+    again = [name in names[:at] and str(at + 1) not in names for at, name in enumerate(names)]
+    return [str(at + 1) if again[at] else name for at, name in enumerate(names)]
+
+
 def without_copies(names: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
     """The names, with a number behind those of clocks that have in all these rows what the first of their name has:
-    one clock, beside each channel."""
+    one clock, beside each channel. What LabVIEW has there is the X of a plot, which is no name of a time."""
     rows = [row for row in rows if len(row) == len(names)]
     found = list(names)
     for at, name in enumerate(names):
         first, other = names.index(name), f"{name} {names[: at + 1].count(name)}"
-        if first < at and is_time(name) and other not in names and rows and all(r[at] == r[first] for r in rows):
+        if first == at or other in names or not (is_time(name) or name == "X_Value"):
+            continue
+        stamps = [(row[first], row[at]) for row in rows if is_number(row[first])]
+        if stamps and all(one == copy for one, copy in stamps):
             found[at] = other
     return found
 

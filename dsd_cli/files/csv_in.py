@@ -104,7 +104,7 @@ class CsvTable:
         """Column -> Arrow array of about its first megabytes, of what Arrow takes it for; none without rows."""
         import pyarrow as pa
 
-        names = self.column_names
+        names = dialects.by_number(self.column_names)
         try:
             batch = self._reader(everything=True).read_next_batch()
         except StopIteration:

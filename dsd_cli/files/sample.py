@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 from dsd_cli.errors import DataError, source_name
@@ -44,8 +44,8 @@ class Sample:
     sample_time: float | None = None
 
 
-def sample(path: str, layout: CsvLayout | None = None) -> Sample:
-    """The first rows of every channel.
+def sample(path: str, layout: CsvLayout | None = None, told: Collection[str] = ()) -> Sample:
+    """The first rows of every channel; `told`: columns that the user names, by their number where others have the name.
 
     Raises
     ------
@@ -58,6 +58,9 @@ def sample(path: str, layout: CsvLayout | None = None) -> Sample:
         return _of_container(open_container(path, kind, layout.scaled if layout else None))
     table = open_table(path, {}, (), layout=layout)
     assert isinstance(table, CsvTable | ParquetTable)
+    if again := [text for text in told if _is_one_of_several(text, table.column_names)]:
+        table = open_table(path, dict(zip(again, again, strict=True)), (), layout=layout)
+        assert isinstance(table, CsvTable | ParquetTable)
     first = peeked(table)
     if long_form(table, first) is not None:
         return _of_container(open_container(path, LONG))
@@ -67,6 +70,12 @@ def sample(path: str, layout: CsvLayout | None = None) -> Sample:
     channels = tuple(_of_arrow(first, table.units))
     notes = filter(None, [*table.warnings, split_note(path, first, table.delimiter)])
     return Sample((Table("", channels, None),), tuple(notes), table.sample_time)
+
+
+def _is_one_of_several(text: str, names: Sequence[str]) -> bool:
+    """Whether it is the number of a column whose name others have, so that nothing else says which is meant."""
+    at = int(text) - 1 if text.isascii() and text.isdigit() and text not in names else -1
+    return 0 <= at < len(names) and names.count(names[at]) > 1
 
 
 def _of_container(file: Container) -> Sample:

@@ -10,7 +10,7 @@ from dsd_cli.files.config import load_config
 from dsd_cli.files.recognise import is_force, is_motion, recognise, unit_in
 from tests.cli.rig import done
 from tests.files import drives
-from tests.files.strangers import ROWS, STEP, axis, rows, text
+from tests.files.strangers import ROWS, STEP, axis, german, rows, text
 
 AXIS = axis()
 
@@ -66,3 +66,30 @@ def test_a_motor_that_turns_and_its_slide_that_moves_have_a_screw_between_them(t
     assert signals.factors()["position"] == pytest.approx(0.2, rel=1e-3)
     answer = json.loads(done("check", "cnc.csv", "--format", "json", cwd=tmp_path).stdout)
     assert [one["what"] for one in answer["findings"] if one["severity"] == "error"] == []
+
+
+@pytest.mark.parametrize(("later", "packets"), [(0.0, 6), (0.0005, 1)])
+def test_the_x_left_of_a_channel_of_labview_is_its_time(later: float, packets: int, tmp_path: Path) -> None:
+    """An X for each channel, that of the second `later`, in s, and its header again above each packet."""
+    head = ["LabVIEW Measurement\t", "Separator\tTab", "Decimal_Separator\t,", "X_Columns\tMulti"]
+    packet = ["***End_of_Header***\t", "Channels\t2\t\t\t", "Y_Unit_Label\tNm\t\tdeg\t", "X_Dimension\tTime\t\tTime\t"]
+    packet += ["***End_of_Header***\t\t\t\t", "X_Value\tTorque\tX_Value\tAngle\tComment"]
+    columns = zip(AXIS["t"], AXIS["u"], AXIS["t"] + later, np.degrees(AXIS["q"]), strict=True)
+    body = ["\t".join(map(german, row)) + "\t" for row in columns]
+    each = ROWS // packets
+    lines = [line for at in range(0, ROWS, each) for line in ["", *packet, *body[at : at + each]]]
+    text(tmp_path, "log.lvm", head + lines, "\r\n")
+    done("init", "log.lvm", cwd=tmp_path)
+    observer = load_config(tmp_path / "dsd.toml").observer
+    assert observer is not None
+    assert observer.nominal_inertia == pytest.approx(2.0, rel=0.02)
+
+
+def test_a_column_whose_name_others_have_is_taken_by_its_number(tmp_path: Path) -> None:
+    columns = (AXIS["t"], 0.3 * AXIS["t"], AXIS["t"] + 7.0, AXIS["u"], AXIS["q"])
+    text(tmp_path, "log.csv", ["n,x,x,torque,angle", *rows(AXIS, *columns)])
+    for number in ("2", "3"):
+        said = ("--set", f"signals.time={number}", "--set", "signals.time_unit=s", "--position", "5")
+        done("init", "log.csv", "--force", *said, cwd=tmp_path)
+        signals = load_config(tmp_path / "dsd.toml").signals
+        assert (signals.time, signals.position) == (number, "angle")

@@ -30,7 +30,9 @@ from dsd_cli.signals.log import Array
 HEAD = 1 << 13
 _NUMBERED = re.compile(r"[ ._]?\d+$")
 #: What the stamps of a plot are called, which may be a place as well.
-_OF_A_PLOT = "x"
+_OF_A_PLOT = {"x", "x_value"}
+#: What the last column is called where it is none of a channel.
+_NO_CHANNEL = ("", "comment")
 #: Columns that a channel may have, and what that of its values is called below its name.
 COLUMNS = (2, 3, 4)
 _VALUES = {"value", "val", "wert", "y"}
@@ -103,7 +105,7 @@ def _period(names: Sequence[str]) -> int:
     The keys of a preamble name them in turn, too.
     """
     names = [name.strip(' "').casefold() for name in names]
-    names = names[:-1] if names and not names[-1] else names
+    names = names[:-1] if names and names[-1] in _NO_CHANNEL else names
     return next((many for many in COLUMNS if _in_turn(names, many)), 0)
 
 
@@ -113,7 +115,7 @@ def _in_turn(names: Sequence[str], many: int) -> bool:
         return False
     clocks = {_NUMBERED.sub("", name) for name in names[::many]}
     others = [name for at, name in enumerate(names) if at % many]
-    of_one = len(clocks) == 1 and (clocks == {_OF_A_PLOT} or not is_motion(names[0], ""))
+    of_one = len(clocks) == 1 and (clocks <= _OF_A_PLOT or not is_motion(names[0], ""))
     alike = many == 2 or (all(map(is_time, clocks)) and not any(map(is_time, others)))
     return (
         alike
