@@ -92,6 +92,10 @@ class Written(NamedTuple):
         return _grouped(self.thousands, self.decimal)
 
 
+#: Of a file whose decimals are commas.
+THOUSANDS = Written(".", ",")
+
+
 def _signed(text: str) -> str:
     """With a sign as programs write it, right before the digits: `+ 1.5` of a recorder has it apart."""
     text = text.strip().replace(MINUS, "-")
@@ -253,6 +257,22 @@ def is_number(text: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def is_plain(cell: str) -> bool:
+    """Whether it is a number and no date, nor a number with its unit."""
+    try:
+        return math.isfinite(plain_number(cell))
+    except ValueError:
+        return False
+
+
+def is_large(cell: str) -> bool:
+    """Whether a point stands before three digits in it, as between thousands."""
+    try:
+        return "." in cell and math.isfinite(THOUSANDS.value(cell))
+    except ValueError:
+        return False
 
 
 def stamps_in(texts: Sequence[str | None], spoiled: float = 0.0) -> Array | None:

@@ -251,7 +251,7 @@ def look_at_rows(
 ) -> Dialect:
     """Units row and decimal sign, from the first lines; `needed`: places of the columns that are read.
 
-    `units`: those that are known already.
+    `units`: those that are known already. Without any that is needed, all are looked at.
     """
     told = [(at, line) for at, line in enumerate(lines[skip:], start=skip) if not is_comment(line)]
     rows = [(at, fields_of(line, header.delimiter)) for at, line in told]
@@ -263,6 +263,6 @@ def look_at_rows(
     columns = [[fields[k] for fields in whole if len(fields) == len(header.names)] for k in range(len(header.names))]
     sure = decimal_signs(cell for cells in columns for cell in cells)
     how = {k: found for k, cells in enumerate(columns) if (found := written(cells, sure) or _at_first(cells, sure))}
-    cells = (cell for fields in whole for k, cell in enumerate(fields) if k in needed and k not in how)
+    cells = (cell for fields in whole for k, cell in enumerate(fields) if k not in how and (k in needed or not needed))
     decimal = "," if any("," in cell and DECIMAL_COMMA.fullmatch(cell) for cell in cells) else "."
     return Dialect(header, skip, rows[0][1] if rows else [], decimal, units, how)

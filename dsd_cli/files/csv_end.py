@@ -32,15 +32,15 @@ def _cut_off(lines: Sequence[bytes], delimiter: str, width: int, followed: bool 
     """
     if not lines or (lines[-1].endswith((b"\n", b"\r")) and not followed):
         return b""
-    fields = fields_of(decode(lines[-1]).rstrip("
-"), delimiter)  # tabs at its end are cells without a value
+    fields = fields_of(decode(lines[-1]).rstrip("\r\n"), delimiter)  # tabs at its end are cells without a value
     return lines[-1] if len(lines) > 1 and len(fields) < width and is_number(fields[0].strip(' "')) else b""
 
 
 def _footer(lines: Sequence[bytes], delimiter: str, width: int, numeric: Sequence[int]) -> bytes:
     """What at the end of a file is no row: lines of text behind the numbers, set off by a blank one or by their form.
 
-    A row that was cut, or that has a bad cell, is none of them: it is for the reader to complain about.
+    A row that was cut, or that has a bad cell, is none of them: it is for the reader to complain about. `Sum;1.5;2.5`
+    at the very end, where the other rows begin with a number, is of a spreadsheet.
     """
     cut: list[bytes] = []
     rest = 0
@@ -53,7 +53,8 @@ def _footer(lines: Sequence[bytes], delimiter: str, width: int, numeric: Sequenc
             if not (first[:1].isalpha() or first.startswith((*COMMENT, *"[<*=;"))):
                 break
         cut.append(raw)
-        if len(fields) != width or not any(is_number(cell) for cell in fields):  # else it may be a row with a bad cell
+        of_words = 0 in numeric and first.isalpha()
+        if len(fields) != width or of_words or not any(map(is_number, fields)):  # else it may be a row with a bad cell
             rest = len(cut)
     return b"".join(reversed(cut[:rest]))
 

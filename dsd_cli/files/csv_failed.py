@@ -54,15 +54,18 @@ def why_unread(
 
 def _problem(canonical: str, text: str, dialect: Dialect, how: Written | None) -> tuple[str, str] | None:
     found = text.strip()[:40]
+    pointed = "." in text and dialect.decimal == "," and cells.is_number(text)
     try:
         (how.value if how else cells.seconds if canonical == "t" else cells.plain_number)(text)
     except ValueError:
+        if pointed and how == cells.THOUSANDS:
+            return f'"{found}" has a decimal point, the rows before have commas', "write all numbers alike"
         if how and cells.is_number(text):
             return f'"{found}" is not written as the rows before, {how}', "write all numbers alike"
         return f'"{found}" is not a number', "mend it, or leave it empty where a value is missing"
     if cells.DECIMAL_COMMA.fullmatch(text) and dialect.decimal == ".":
         return f'"{found}" has a decimal comma, the rows before have points', "write all numbers alike"
-    if "." in text and dialect.decimal == "," and cells.is_number(text):
+    if pointed and how is None:
         return f'"{found}" has a decimal point, the rows before have commas', "write all numbers alike"
     return None
 

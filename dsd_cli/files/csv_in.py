@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
@@ -31,6 +32,8 @@ BLOCK_BYTES = 1 << 21
 PEEK_BYTES = 1 << 23
 #: What the second column of stamps in two of them is called here.
 _PARTS = "parts of a second"
+#: What Arrow says of a cell that is no number: the place of its column, and what stands there.
+_IN_COLUMN = re.compile("In CSV column #([0-9]+): .*'([^']*)'")
 #: Bytes at the end of a file in which text behind the rows is looked for.
 FOOTER_BYTES = 1 << 12
 
@@ -119,7 +122,10 @@ class CsvTable:
                 found[at] = _spelt(found[at], how)
         first = {at: cell for at, cell in enumerate(self._dialect.first) if cell.strip() not in cells.MISSING}
         words = [at for at in found.keys() & first.keys() if pa.types.is_string(found[at].type)]
-        if any(_is_plain(first[at]) for at in words) and self._read_otherwise(None):
+        pointed = ((at, c) for at in words for c in found[at].to_pylist() if c and "." in c)
+        if self._dialect.decimal == "," and any(self._with_thousands(at, cell) for at, cell in pointed):
+            return self.peek()
+        if any(cells.is_plain(first[at]) for at in words) and self._read_otherwise(None):
             return self.peek()
         for at in found.keys() & self._scaling.places:
             if is_number_type(found[at].type):
@@ -179,7 +185,22 @@ class CsvTable:
         if isinstance(error, UnicodeError) and self._encoding == "cp1252":
             self._encoding = "latin-1"
             return True
-        return not self._head and self._leave_headers_out()
+        if not self._head and self._leave_headers_out():
+            return True
+        wrong = _IN_COLUMN.search(str(error))
+        return wrong is not None and self._with_thousands(int(wrong[1]), wrong[2])
+
+    def _with_thousands(self, at: int, cell: str) -> bool:
+        """Whether the point in a cell of a column stands between thousands, as decimals are commas: now it does there.
+
+        Every group behind one has three digits in all of the column, else it cannot be read so either.
+        """
+        if self._dialect.decimal != "," or at in self._dialect.written or not cells.is_large(cell):
+            return False
+        self._dialect = self._dialect._replace(written={**self._dialect.written, at: cells.THOUSANDS})
+        name = self.column_names[at]
+        self._notes.append(f'"{name}": decimals are commas here, so that a point stands between thousands ({cell})')
+        return True
 
     def _leave_headers_out(self) -> bool:
         """Whether its header comes again, or comments stand among its rows; from now on it is read without."""
@@ -265,14 +286,6 @@ def _values(column: Any, how: Written | None) -> Array:
         return as_float64(column)
     read = cells.seconds if how is None else how.value
     return np.array([np.nan if text is None else read(text) for text in column.to_pylist()])
-
-
-def _is_plain(cell: str) -> bool:
-    """Whether it is a number and no date, nor a number with its unit."""
-    try:
-        return bool(np.isfinite(cells.plain_number(cell)))
-    except ValueError:
-        return False
 
 
 def _spelt(column: Any, how: Written) -> Any:
