@@ -109,10 +109,8 @@ def _unusable(view: View) -> list[Finding]:
 def _leaning(parameters: Sequence[Parameter]) -> list[Finding]:
     """Where noise of the sensor comes back through the controller, and a fit takes that for the axis; a force that is
     missing bends both as well."""
-    leaning = [p for p in parameters if p.leaning is not None and not (p.beside is not None and p.lacks_force)]
-    texts = [
-        f"{one.name} is {one.leaning:.3g} by least squares and {one.value:.3g} by the reference" for one in leaning
-    ]
+    leaning = [p for p in parameters if p.leaning is not None and not p.lacks_force]
+    texts = [f"{p.name} is {p.leaning:.3g} by least squares and {p.value:.3g} by the reference" for p in leaning]
     what = f"{', '.join(texts)}: the controller answers noise of the sensor, which biases a fit of u on the motion"
     priors = [f"--prior {p.name}={max(p.value, 0.0):.4g}+-{p.std_error:.2g}" for p in leaning if p.identified != "not"]
     remedy = f"give what the reference says, with its error: {' '.join(priors)}" if priors else "a finer encoder"

@@ -69,14 +69,14 @@ def check_parameters(view: View, model: PlantModel | None, observer: ObserverSet
         return unknown_parameters(given)
     T = view.log.sample_time
     both = [_estimates(values, rows, others, T) for others in (rows.others[:, : 0 if model else None], rows.others)]
-    leaning = {name: value for one in reversed(both) for name, value in one.leaning.items()}
+    lacks_force = 2.0 * both[1].rest < both[0].rest  # noise that comes back is left beside any force
+    leaning = {name: value for one in reversed(both[lacks_force:]) for name, value in one.leaning.items()}
     alone, beside = (one.by_instruments if leaning else one.least_squares for one in both)
     if scanned is not None and not leaning:  # the scan leans as least squares do
         return tuple(_between(one, other, T) for one, other in zip(alone, _scanned(scanned, view), strict=True))
-    sure = {one.name for one, other in zip(*(x.by_instruments for x in both), strict=True) if _moved(one, other)}
     found = tuple(
         replace(
-            _bent(one, other, T, one.name in sure),
+            _bent(one, other, T, lacks_force),
             leaning=leaning.get(one.name),
             below_zero=one.value < -_BENT * one.std_error and other.value < 0.0,
         )
@@ -104,9 +104,8 @@ def _bent(one: Parameter, beside: Parameter, T: float, lacks_force: bool) -> Par
     moved = abs(beside.value - one.value)
     error = math.hypot(one.std_error, moved)
     judged = grade(one.value, error, T) if one.name == "delay" else grade(abs(one.value), error)
-    if judged == one.identified:
-        return replace(one, std_error=error)
-    return replace(one, identified=judged, std_error=error, beside=beside.value, lacks_force=lacks_force)
+    told = None if judged == one.identified else beside.value
+    return replace(one, identified=judged, std_error=error, beside=told, lacks_force=lacks_force)
 
 
 def _moved(one: Parameter, beside: Parameter) -> bool:
@@ -219,9 +218,10 @@ def _columns(
 
 
 class _Estimates(NamedTuple):
-    """Values by least squares, and by instruments; `leaning`: those of inertia and delay by least squares that differ
-    from the instruments' by more than chance, and by more than an identified value may be off."""
+    """Values by least squares, their mean square `rest`, and by instruments; `leaning`: those of inertia and delay by
+    least squares that differ from the instruments' by more than chance, and than an identified value may be off."""
 
+    rest: float
     least_squares: tuple[Parameter, ...]
     by_instruments: tuple[Parameter, ...] = ()
     leaning: Mapping[str, float] = MappingProxyType({})
@@ -236,9 +236,11 @@ def _estimates(values: Sequence[_Value], rows: _Rows, others: Array, T: float) -
     """
     basis = orthonormal(others) if others.shape[1] else others
     slopes = without(basis, rows.slopes)
-    found, pulls = _judged(values, without(basis, rows.left), slopes, slopes, rows.drive, T)
+    left = without(basis, rows.left)
+    found, pulls = _judged(values, left, slopes, slopes, rows.drive, T)
+    rest = float(np.mean(without(orthonormal(slopes), left) ** 2))
     if not np.isfinite(rows.along).all():
-        return _Estimates(found)
+        return _Estimates(rest, found)
     along = rows.along[:, : len(values) + others.shape[1]]
     right, pulled = _judged(values, *in_two_stages(rows.left, rows.slopes, others, along), rows.drive, T)
     leaning = {}
@@ -247,7 +249,7 @@ def _estimates(values: Sequence[_Value], rows: _Rows, others: Array, T: float) -
         chance = max(spread, math.sqrt(max(by.std_error**2 - one.std_error**2, 0.0)))
         if "." not in one.name and moved > _BENT * chance and grade(abs(by.value), moved, step) != "identified":
             leaning[one.name] = one.value
-    return _Estimates(found, right, leaning)
+    return _Estimates(rest, found, right, leaning)
 
 
 def _judged(

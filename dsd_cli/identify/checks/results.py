@@ -69,7 +69,7 @@ class Parameter:
     tied_to : parameters that this log cannot distinguish from it (correlation above 0.98).
     beside : the value with friction, weight and springs of any size beside the model, where that is so far off that it
         is less well known; `std_error` counts the difference. Else None.
-    lacks_force : the reference as instrument moves as far, so that a force is missing; otherwise noise that the
+    lacks_force : with those forces most of what is left is gone, so that one is missing; otherwise noise that the
         controller answers may be what `beside` is off by.
     leaning : what least squares makes of it where noise that the controller answers bends that, so that `value` is by
         the reference as instrument. Else None.
