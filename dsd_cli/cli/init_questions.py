@@ -78,6 +78,8 @@ def column_question(path: str, chosen: Chosen, given: Mapping[str, str], text: s
     if not moves:
         named.setdefault("position", "NAME")
     command = f"dsd init {shlex.quote(path)} --force {_options(named)}".rstrip()
+    here = set() if chosen.table is None else {c.name for c in chosen.table.channels}
+    listed += " (of another time base: both are joined)" * bool(listed and here.isdisjoint(chosen.candidates))
     speed = " (--velocity NAME, if it is a speed)" * bool(listed and chosen.missing != "u")
     return Question(text, f"which column is {what}? {listed or 'none looks like it'}{speed}", command)
 

@@ -75,9 +75,10 @@ class Chosen:
 
     @property
     def none_left(self) -> bool:
-        """What is missing is in no column: all are something else."""
+        """What is missing is in no column, of another table neither: all are something else."""
         columns = {one.column for one in self.found.values()} | self.again
-        return self.table is not None and not self.elsewhere and {c.name for c in self.table.channels} <= columns
+        others = self.elsewhere or bool(self.candidates)
+        return self.table is not None and not others and {c.name for c in self.table.channels} <= columns
 
 
 def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
@@ -96,11 +97,13 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
     away, said = of_other_joints(path, tables, given)
     tables = [replace(one, channels=tuple(c for c in one.channels if c.name not in away)) for one in tables]
     tables = [usable(table, given.values()) for table in tables]
-    if given:
-        tables = [one for one in tables if set(given.values()) <= {c.name for c in one.channels}] or tables
-    chosen = _chosen_of(tables, given)
+    mine = [one for one in tables if set(given.values()) <= {c.name for c in one.channels}] or tables
+    chosen = _chosen_of(mine, given)
+    if chosen.missing and given and len(mine) < len(tables):  # the rest may be in a table with another clock
+        joined = _chosen_of(tables, given)
+        chosen, mine = (chosen, mine) if joined.missing else (joined, tables)
     why = tuple(idle(sample.tables, chosen.missing))
-    return _of_one_axis(replace(chosen, said=(*said, *chosen.said), elsewhere=bool(away), idle=why), tables, given)
+    return _of_one_axis(replace(chosen, said=(*said, *chosen.said), elsewhere=bool(away), idle=why), mine, given)
 
 
 def _chosen_of(tables: Sequence[Table], given: Mapping[str, str]) -> Chosen:

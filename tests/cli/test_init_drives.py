@@ -5,10 +5,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.io import savemat
 
 from dsd_cli.files.config import load_config
 from dsd_cli.files.recognise import is_force, is_motion, recognise, unit_in
-from tests.cli.rig import done
+from tests.cli.rig import done, dsd
 from tests.files import drives
 from tests.files.strangers import ROWS, STEP, axis, german, rows, text
 
@@ -93,3 +94,17 @@ def test_a_column_whose_name_others_have_is_taken_by_its_number(tmp_path: Path) 
         done("init", "log.csv", "--force", *said, cwd=tmp_path)
         signals = load_config(tmp_path / "dsd.toml").signals
         assert (signals.time, signals.position) == (number, "angle")
+
+
+def test_a_control_input_of_another_time_base_is_asked_for_and_joined(tmp_path: Path) -> None:
+    """Structs that Simulink logged at two rates, whose names say nothing of a force."""
+    cmd, pos = ({"Time": AXIS["t"][::each], "Data": AXIS[key][::each]} for key, each in (("u", 1), ("q", 2)))
+    savemat(tmp_path / "log.mat", {"log": {"pos": pos, "cmd": cmd}})
+    asked = dsd("init", "log.mat", cwd=tmp_path)
+    assert (asked.returncode, "log/cmd/Data (of another time base: both are joined)" in asked.stderr) == (1, True)
+    assert "--force --u NAME" in asked.stderr
+    said = done("init", "log.mat", "--force", "--u", "log/cmd/Data", cwd=tmp_path).stderr
+    assert "joined to the stamps of log/pos/Time" in done("check", "log.mat", cwd=tmp_path).stderr
+    observer = load_config(tmp_path / "dsd.toml").observer
+    assert observer is not None, said
+    assert observer.nominal_inertia == pytest.approx(2.0, rel=0.02)
