@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
 from typing import TYPE_CHECKING
@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from dsd_cli.identify.fit.priors import PriorKnowledge
     from dsd_cli.identify.recordings.recording import Recording
     from dsd_cli.plant.model import PlantModel
+    from dsd_cli.signals.log import Log
+    from dsd_cli.signals.updates import Updated
 
 
 @dataclass(frozen=True)
@@ -91,18 +93,21 @@ def by_updates(loaded: LoadedLog) -> LoadedLog:
     which a speed is the difference; the warnings say so."""
     from dsd_cli.signals.updates import summed
 
-    loaded = of_new_rows(loaded)
-    whole = summed(loaded.log, loaded.restarts)
-    return replace(loaded, log=whole.log, warnings=(*loaded.warnings, *([whole.said] if whole.said else [])))
+    return _as(summed, of_new_rows(loaded))
 
 
 def of_new_rows(loaded: LoadedLog) -> LoadedLog:
     """The log by the clock of its sensors, where it is written faster than they are read; the warnings say so."""
     from dsd_cli.signals.updates import updated
 
-    found = updated(loaded.log, loaded.restarts)
-    said = (*loaded.warnings, *([found.said] if found.said else []))
-    return replace(loaded, log=found.log, restarts=found.restarts, warnings=said)
+    return _as(updated, loaded)
+
+
+def _as(taken: Callable[[Log, tuple[int, ...]], Updated], loaded: LoadedLog) -> LoadedLog:
+    """A log as it is taken, and what is said of that."""
+    found = taken(loaded.log, loaded.restarts)
+    said = (found.said,) if found.said else ()
+    return replace(loaded, log=found.log, restarts=found.restarts, warnings=(*loaded.warnings, *said))
 
 
 def _checked(loaded: LoadedLog, config: Config, model: PlantModel | None) -> CheckResult:

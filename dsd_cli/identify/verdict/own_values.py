@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.effects import get_effect
+from dsd_cli.effects import delays_command, get_effect
 from dsd_cli.identify.fit.bank import Term, has_friction
 from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.identify.fit.row_weights import many_sure, surely_less
@@ -94,7 +94,7 @@ def _fitted_values(search: Search) -> ParameterCheck:
     wrong = sure[0].split(".")[0]
     if wrong in (INERTIA, DELAY) and not _seen_elsewhere(search, believed, fitted.model):
         return ParameterCheck(score, refitted, candidates, "", 0.0, said)
-    lags = [n for n in search.allowed if get_effect(n).lateness is not None] if wrong == DELAY else []
+    lags = [n for n in search.allowed if delays_command(n)] if wrong == DELAY else []
     if late := tuple(name for name in lags if _explains_the_delay(search, name)):
         candidates = tuple(replace(c, indistinguishable_from=late if c.effect == DELAY else ()) for c in candidates)
     sure_of_it = min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), POLICY.surest)
