@@ -211,3 +211,15 @@ def test_beside_a_position_or_a_drives_d_hat_nothing_is_summed():
     for other in ({"position": q}, {"d_hat": v}):
         log = log_of(t=t, u=v, velocity=speed, **other)
         assert summed(log).log is log
+
+
+def test_u_of_a_piece_that_begins_between_two_values_is_of_none_before_it():
+    """Its first rows repeat what was read before it began: their u is in no mean, of the piece before neither."""
+    t, q, v = motion()
+    at, begins = np.arange(0, ROWS, 5), 2003
+    u = np.where(np.arange(ROWS) < begins, 1.0, 7.0)
+    u[begins : begins + 2] = 100.0
+    found = updated(log_of(t=t, u=u, position=written_again(q, at), velocity=written_again(v, at)), (begins,))
+    assert found.restarts == (401,)
+    np.testing.assert_allclose(found.log["t"][401], t[2005], atol=1e-12)
+    assert set(np.round(found.log["u"], 9)) == {1.0, 7.0}
