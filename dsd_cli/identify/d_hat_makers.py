@@ -28,8 +28,8 @@ from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.recordings.regular import SAMPLED_U
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Diagnosis, Estimate, Estimates
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.belief import belief_by_squares
 from dsd_cli.identify.verdict.diagnose import diagnose
-from dsd_cli.identify.verdict.probability import belief_by_squares
 from dsd_cli.plant.maker import Maker, remade
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import D_HAT_MAKER, DHatSource, Log, with_channels

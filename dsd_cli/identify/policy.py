@@ -133,7 +133,7 @@ class Policy:
     even: float = 0.5  # odds of what the log leaves open: no value away from 0, no known zero, another value than given
     surest: float = 0.99  # no verdict is surer: the catalogue is not the world
     clear_fall: float = 0.1  # share of what is left that pushes, a filter, a path or an unconfirmed effect take off
-    stands_in: float = 3.0  # times what is left; an effect that takes off no more stands in for another half the time
+    stands_in: float = 3.0  # times what is left; what takes off no more stands in for another law half the time
     rows_of_a_choice: float = 3.0  # independent equations that halve a belief; times the square of the set's size
     surest_in_doubt: float = 0.9  # "unknown", for the search may have missed an effect; what parts do not bear out
     other_bands: float = 2.0  # by which the band is divided and multiplied, and the verdict tried again there

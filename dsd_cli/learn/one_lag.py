@@ -7,9 +7,9 @@ import math
 import numpy as np
 
 from dsd_cli.effects.lagging import LAGGED
-from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.learn.families import lags_of
 from dsd_cli.learn.judge import Judge, LawFit, standard_error
+from dsd_cli.signals.golden import golden_section
 
 #: Steps in which one time constant is narrowed down: to 1 % of the way between two.
 _NARROWED = 10

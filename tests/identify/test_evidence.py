@@ -13,13 +13,12 @@ from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict import probability
+from dsd_cli.identify.verdict.belief import belief_by_squares, shared_belief
 from dsd_cli.identify.verdict.probability import (
     NOTHING,
     _changed,
-    belief_by_squares,
     membership,
     probabilities,
-    shared_belief,
 )
 from dsd_cli.plant.references import Multisine
 from tests.identify.search_rig import BELIEVED, posed

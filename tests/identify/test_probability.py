@@ -15,7 +15,7 @@ from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
-from dsd_cli.identify.verdict import judgement, probability
+from dsd_cli.identify.verdict import discrepancy, judgement, probability
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.discrepancy import Discrepancy
 from dsd_cli.identify.verdict.judgement import Verdict
@@ -31,21 +31,33 @@ MANY = [(f, 1.5 / (1.0 + f), 2.0 * f**2) for f in np.random.default_rng(8).unifo
 FEW = [(0.5, 2.0, 0.3), (1.7, 0.8, 1.0)]
 
 
-def friction_over(seconds: float, varies: float, lines: list[tuple[float, float, float]]):
+OF_SPEED = ("coulomb_friction", "viscous_friction", "quadratic_drag", "viscous_asymmetry")
+
+
+def friction_over(
+    seconds: float, varies: float, lines: list[tuple[float, float, float]], beside: float = 0.0, seed: int = 8
+):
     """Verdict and {name: probability} of a motion of sines against dry friction, whose level may go up and down by
-    that share of it, three times a turn; inertia and delay are known."""
-    random, t = np.random.default_rng(8), np.arange(0.0, seconds, STEP)
+    that share of it, three times a turn; inertia and delay are known. beside : rms, as a share of the level, of a
+    force that goes in straight lines from one place to the next, eight times over the travel; then forces of the speed
+    alone are asked for."""
+    random, t = np.random.default_rng(seed), np.arange(0.0, seconds, STEP)
     velocity = sum(a * np.sin(2 * math.pi * f * t + p) for f, a, p in lines)
     acceleration = sum(2 * math.pi * f * a * np.cos(2 * math.pi * f * t + p) for f, a, p in lines)
     position = sum(-a / (2 * math.pi * f) * np.cos(2 * math.pi * f * t + p) for f, a, p in lines)
+    places = np.linspace(position.min(), position.max(), 9)
+    force = np.interp(position, places, random.normal(size=9))
     u = INERTIA * acceleration + LEVEL * np.sign(velocity) * (1.0 + varies * np.sin(3.0 * position))
+    u += beside * LEVEL * (force - force.mean()) / force.std()
     channels = {
         "u": u,
         "velocity": velocity + 2e-3 * random.normal(size=t.size),
         "position": position + 1e-5 * random.normal(size=t.size),
     }
     observer = ObserverSettings(INERTIA, 0.02)
-    found = diagnose([prepare(Log(channels, STEP, "log.csv"), observer)], PlantModel(INERTIA, 0.0, {}), observer)
+    asked = Settings(effects=OF_SPEED) if beside else Settings()
+    recordings = [prepare(Log(channels, STEP, "log.csv"), observer)]
+    found = diagnose(recordings, PlantModel(INERTIA, 0.0, {}), observer, settings=asked)
     return found.verdict, found.probability, {one.effect: one.probability for one in found.missing}
 
 
@@ -56,6 +68,14 @@ def test_a_name_that_leaves_half_of_itself_is_less_likely_than_not(lines):
     verdict, probability, missing = friction_over(20.0, 0.7, lines)
     assert max(missing.values(), default=0.0) < 0.5
     assert verdict == "unknown" or probability < 0.5
+
+
+@pytest.mark.parametrize("seed", [21, 22, 23])
+def test_what_is_left_of_another_channel_makes_friction_no_less_likely(seed):
+    """A third of its power is left, and is of the position: no function of that is a sign of the speed. By what is
+    left alone it would be 25 % at most."""
+    _, _, missing = friction_over(20.0, 0.0, MANY, beside=0.6, seed=seed)
+    assert missing["coulomb_friction"] > 0.5
 
 
 def test_a_short_log_that_one_effect_explains_is_nearly_as_sure_as_a_long_one():
@@ -88,7 +108,7 @@ def test_a_member_that_is_rather_there_than_not_comes_before_one_with_more_evide
         "_worth": lambda _self, name: (True, True, alone[name]),
     }.items():
         monkeypatch.setattr(Verdict, name, stand_in)
-    monkeypatch.setattr(judgement, "probability_of", lambda _search, _whole, _member, belief, _surest: belief)
+    monkeypatch.setattr(judgement, "probability_of", lambda _member, belief, _surest: belief)
     verdict = Verdict()
     verdict.search = verdict.whole = verdict.surest = None
     verdict.alone, verdict.members = (
@@ -125,7 +145,7 @@ def test_a_name_stands_for_what_is_left_by_its_channels_or_by_how_little_it_is_b
         "_share_of_possible": lambda _self, _before, _after: 0.5,
     }.items():
         monkeypatch.setattr(Verdict, name, stand_in)
-    monkeypatch.setattr(judgement, "probability_of", lambda _search, _whole, _member, belief, _surest: belief)
+    monkeypatch.setattr(judgement, "probability_of", lambda _member, belief, _surest: belief)
     monkeypatch.setattr(judgement, "before_climb", lambda *_: None)
     monkeypatch.setattr(judgement, "unexplained_of", lambda *_: Unexplained(0.1, more))
     verdict = Verdict()
@@ -134,7 +154,7 @@ def test_a_name_stands_for_what_is_left_by_its_channels_or_by_how_little_it_is_b
     verdict.shown, verdict._named_for, verdict.doubted = SimpleNamespace(settings=None), {}, ""
     verdict.members = {"cogging": Membership("cogging", {"cogging": belief}, ())}
     verdict.beyond = Discrepancy(left_on, 0.5, True, 0.1)
-    assert verdict._of_members() == (named, min(belief, 0.5) if named == "cogging" else 0.9)
+    assert verdict._of_members() == (named, belief if named == "cogging" else 0.9)
     assert verdict.doubted == ("cogging" if named == "unknown" else "")
 
 
@@ -155,7 +175,7 @@ def left_in(rmse: float, untestable: dict[str, str] | None = None, floor: float 
 
 def test_unknown_is_no_surer_than_what_is_left_of_u_bears_out(monkeypatch):
     """A third of a percent is none; even odds at the 1 % that no model says better; 3 % and more are."""
-    monkeypatch.setattr(probability, "surely_left", lambda search, _fit: search.problem.errors.rmse(None))
+    monkeypatch.setattr(discrepancy, "surely_left", lambda search, _fit: search.problem.errors.rmse(None))
     shares = (0.0, 0.003, 0.01, 0.03, 0.3)
     sure = [probability.left_over(left_in(share, floor=0.0), None) for share in shares]
     assert sure == sorted(sure)

@@ -15,7 +15,7 @@ import numpy as np
 from dsd_cli.identify.checks.results import Finding
 from dsd_cli.identify.checks.stretches import LowPass, Stretch
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.verdict.probability import belief_by_squares
+from dsd_cli.identify.verdict.belief import belief_by_squares
 from dsd_cli.plant.filtering import SETTLED, lowpass_irregular
 from dsd_cli.plant.maker import MAKERS, Maker
 from dsd_cli.plant.model import ObserverSettings

@@ -81,16 +81,19 @@ class Piece:
 class FreeformFits:
     """Free-form functions beside a fit.
 
-    Pulses of the fit keep their coefficients, in every fold as in the fit itself. apart : see `basis`.
+    Pulses of the fit keep their coefficients, in every fold as in the fit itself. base : what is explained, and the
+    columns that explain it; owners : the effect of each of these, "" of what is no effect's. apart : see `basis`.
     """
 
     equations: Equations
     blocks: Blocks
     fit: Fit
     base: Sequence[Array]
+    owners: Sequence[str]
     pieces: Sequence[Piece]
     apart: float = APART
     _made: dict[tuple[str, ...], tuple[list[Array], Array]] = field(default_factory=dict)
+    _grams: dict[tuple[str, ...], Grams] = field(default_factory=dict)
 
     def groups(self) -> list[tuple[str, ...]]:
         """Groups whose channels all stretches have, and that vary."""
@@ -110,6 +113,17 @@ class FreeformFits:
         alone = Grams(*(g[..., : fixed + 1, : fixed + 1] for g in found))
         without = losses(solve(alone.fitted), alone, self.blocks)
         return loss_of([Freeform(on, left, without) for left in self._left(found, penalty)])
+
+    def without(self, effect_id: str, on: tuple[str, ...] = ()) -> Array:
+        """Held-out squares per block, shape (B,), with a function of these channels (none: without any) in the place of
+        an effect; "" : beside all of them."""
+        columns, penalty = self.columns(on) if on else ([], np.zeros((0, 0)))
+        if on not in self._grams:
+            self._grams[on] = grams([self.equations.whitened(x) for x in (*self.base, *columns)], self.blocks)
+        kept = [i for i, owner in enumerate(self.owners) if not owner or owner != effect_id]
+        found = self._grams[on].of([*kept, *range(len(self.base), len(self.base) + len(columns))])
+        left = self._left(found, penalty) if on else [losses(solve(found.fitted), found, self.blocks)]
+        return min(left, key=lambda squares: float(squares.sum()))
 
     def _left(self, found: Grams, penalty: Array) -> Iterator[Array]:
         """Held-out squares per block with the hats that come last, at each strength of the penalty."""
@@ -186,17 +200,18 @@ def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, in
     rows = bank.design(fit.terms, fit.tap, keep=False).rows
     drive, acceleration, later, *columns = rows
     target, other = (-drive, acceleration) if fit.inverse else (inertia * acceleration, drive)
-    base, at = [other, later], FIXED
+    base, owners, at = [other, later], ["", "", ""], FIXED
     for term, width in zip(fit.terms, fit.widths, strict=True):
         own = columns[at - FIXED : at - FIXED + width]
         if term.effect.listed:  # an event that a fold did not see has no coefficient of its own there
             target = target + fit.forward[1 + at : 1 + at + width] @ np.stack(own)
         else:
             base += own
+            owners += [term.id] * width
         at += width
     late = delayed(bank.equations, (), fit.tap * bank.tap_time)
     pieces = [piece_of(s, u) for s, u in zip(bank.equations.stretches, late, strict=True)]
-    return FreeformFits(equations, blocks, fit, [target, *base], pieces)
+    return FreeformFits(equations, blocks, fit, [target, *base], owners, pieces)
 
 
 def piece_of(stretch: Stretch, u: Array) -> Piece:

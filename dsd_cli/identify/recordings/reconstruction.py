@@ -14,8 +14,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.signals.golden import golden_section
 from dsd_cli.signals.log import Array, Log
 from dsd_cli.signals.runs import runs
 from dsd_cli.signals.spread import robust_deviation

@@ -6,11 +6,11 @@ import math
 
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term, Terms
-from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.identify.fit.priors import is_shape
 from dsd_cli.identify.search.evidence import Evidence
 from dsd_cli.identify.search.scan import Scan
 from dsd_cli.identify.search.starts import apart
+from dsd_cli.signals.golden import golden_section
 
 #: Half width of the bracket, natural logarithm of the parameter; frequencies of lines have narrower ones.
 BRACKET = 0.6

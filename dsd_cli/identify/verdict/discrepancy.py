@@ -110,6 +110,11 @@ def surely_left(search: Search, fit: Fit) -> float:
     return min(left, search.problem.floor) if search.problem.errors.noise_of_u(fit) else left
 
 
+def beyond_noise(search: Search, fit: Fit) -> float:
+    """rms of what is surely left beyond the sensor's noise, unit of u."""
+    return math.sqrt(max(surely_left(search, fit) ** 2 - search.problem.floor**2, 0.0))
+
+
 def only_at_stops(search: Search, fit: Fit) -> bool:
     """Whether more than the sensor alone leaves is left only at stops and in creeping. What friction does there is
     known in part, and the error of a coarse sensor is not white: it is no evidence for anything that is missing."""

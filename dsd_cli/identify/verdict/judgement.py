@@ -54,7 +54,7 @@ class Verdict:
         self.rising = self.doubted = ""  # it would be named, but the error rises with it; it stands in for another law
         self.named, self.sure = self.verdict()
         most = min(self.surest, POLICY.even if self.named == UNKNOWN else 1.0)
-        self.missing = missing_of(search, whole, members, most, {self.named: self.sure})
+        self.missing = missing_of(members, most, {self.named: self.sure})
         if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
             fit = search.converged(self.alone[self.named].fit)
             self.alone[self.named] = Option(self.named, fit, search.evidence(fit))
@@ -106,7 +106,7 @@ class Verdict:
         named = min(group or [best], key=lambda name: get_effect(name).rarity)
         doubtful = self.beyond.of_channels(best) or needs_acceleration(named)
         belief = max(member.probabilities.get(named, 0.0), member.place / (1 + len(member.rivals)))
-        belief = min(known, probability_of(self.search, self.whole, member, belief, self.surest))
+        belief = probability_of(member, belief, self.surest)
         more = unexplained_of(self.search, self.whole, self.beyond, POLICY.surest).probability
         first, before = begun is self.search.refit, math.exp(-POLICY.effect_price)  # a set that is taken is taken whole
         if (doubtful and known < POLICY.share_of_possible) or (first and belief < min(more, before)):
@@ -117,7 +117,7 @@ class Verdict:
 
     def _first(self) -> str:
         """The one worth most alone of those that, or what ties with them, are rather there; of near ones a commoner."""
-        likely = {n: probability_of(self.search, self.whole, m, m.place, self.surest) for n, m in self.members.items()}
+        likely = {n: probability_of(m, m.place, self.surest) for n, m in self.members.items()}
         believed = [name for name in self.members if likely[name] >= POLICY.even and self._lowers(name)]
         members = believed or [max(likely, key=lambda n: (self._lowers(n), likely[n], self._worth(n)))]
         best = max(members, key=self._worth)
@@ -296,4 +296,4 @@ class Verdict:
             likely = probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)
             return likely if self.named != UNKNOWN or self._lowers(effect) else 0.0
         places = self.members.values()  # what is in a member's place stands in for something as well
-        return max(probability_of(self.search, self.whole, m, m.belief(effect), self.surest) for m in places)
+        return max(probability_of(m, m.belief(effect), self.surest) for m in places)

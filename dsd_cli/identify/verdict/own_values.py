@@ -11,7 +11,6 @@ from numpy.typing import NDArray
 
 from dsd_cli.effects import delays_command, get_effect
 from dsd_cli.identify.fit.bank import Term, has_friction
-from dsd_cli.identify.fit.golden import golden_section
 from dsd_cli.identify.fit.row_weights import many_sure, surely_less
 from dsd_cli.identify.fit.values import LEAST_INERTIA, flat, terms_of, units_of
 from dsd_cli.identify.policy import POLICY
@@ -21,6 +20,7 @@ from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import refined
 from dsd_cli.identify.verdict.resonance import Resonance, note_on
 from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.golden import golden_section
 
 FOLLOWS_NOISE = (
     "the load of the model is not followed: its values, fitted again, would be nearly all of the inertia or none of it"

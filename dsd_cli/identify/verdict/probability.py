@@ -1,20 +1,15 @@
 """How sure a name is, and whether that is all: two questions that are answered apart, each with a probability.
 
-Each draw gives the blocks new random weights (Bayesian bootstrap) and each alternative a posterior weight by its
-held-out log-likelihood less its penalty; the mean over the draws is the probability. So no single block decides, and
-correlation within blocks does not count as evidence (pseudo-BMA+; Yao et al. 2018).
-
 How sure a name is follows from three things by one rule, the same for the verdict and for every member of the set: the
-belief in it against every effect in its place, what it takes off against what all that was found leaves beyond the
-sensor's noise, for an effect that stands in for another leaves a good part of that, and how many independent equations
-there are for a set of that size. docs/how/identify.md has the diagram that its two numbers were read from.
+belief in it against every effect in its place, the belief that it is there whatever law without a name explains what
+all that was found leaves, and how many independent equations there are for a set of that size.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -25,12 +20,11 @@ from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.search.sets import Option, Search
-from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, surely_left
+from dsd_cli.identify.verdict.belief import UnnamedLaws, shared_belief
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.pushes import pushes_leave_more
-from dsd_cli.signals.log import Array
 
-DRAWS, SEED = 400, 20261121
 #: Name of the alternative without any further effect.
 NOTHING = ""
 
@@ -41,13 +35,15 @@ class Membership:
 
     probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well;
     alike : those of them whose likelihood is less, but by no more than the model misfits anyway, and that change what
-    the model had given as little. surest : no verdict on it may be surer.
+    the model had given as little. there : belief that it, or what takes its place, acts beside any law without a name.
+    surest : no verdict on it may be surer.
     """
 
     effect: str
     probabilities: Mapping[str, float]
     rivals: tuple[str, ...]
     alike: tuple[str, ...] = ()
+    there: float = 1.0
     surest: float = 1.0
 
     @property
@@ -66,7 +62,11 @@ class Membership:
 def memberships(search: Search, whole: Fit, unknown: bool) -> dict[str, Membership]:
     """Of each effect that was found; `unknown` : something remains that nothing explains."""
     misfit = unknown or search.problem.reconstructed("velocity")
-    return {t.id: membership(search, whole, t.id, misfit) for t in search.added(whole.terms)}
+    laws = UnnamedLaws(search, whole, unknown or above_floor(search, whole))
+    return {
+        t.id: replace(membership(search, whole, t.id, misfit), there=laws.belief(t, search.without(whole, t)))
+        for t in search.added(whole.terms)
+    }
 
 
 def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Membership:
@@ -107,7 +107,11 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     found = dict.fromkeys(o.effect for o in (*as_well, *filter(rivals, options), *at_place))
     surest = POLICY.even if as_push or afloat or not _told(search, whole, effect_id) else 1.0
     return Membership(
-        effect_id, probabilities(search, rest, [own, *options]), tuple(found), tuple(o.effect for o in named), surest
+        effect_id,
+        probabilities(search, rest, [own, *options]),
+        tuple(found),
+        tuple(o.effect for o in named),
+        surest=surest,
     )
 
 
@@ -153,29 +157,6 @@ def probabilities(search: Search, rest: Fit, options: list[Option]) -> dict[str,
     return dict(zip((NOTHING, *(o.effect for o in options)), shares.tolist(), strict=True))
 
 
-def belief_by_squares(squares: Array) -> Array:
-    """Share of belief, shape (m,), of rivals that leave these held-out squares on each of B blocks, shape (m, B).
-
-    By the profile likelihood, N/2 ln, with N = B: what none of the rivals follows is alike all through a block, and
-    decides by far too much where it counts as noise of single rows.
-    """
-    left = np.maximum(squares.sum(axis=1), 1e-300)
-    least, more = left.argmin(), left - left.min()
-    nats = 0.5 * squares.shape[1] * np.log(left / left.min())
-    gains = (squares[least] - squares) * (nats / np.where(more > 0.0, more, 1.0))[:, None]
-    return shared_belief(gains, np.zeros(len(squares)))
-
-
-def shared_belief(gains: Array, prices: Array) -> Array:
-    """gains: nats per block, shape (m, B)."""
-    blocks = gains.shape[1]
-    weights = np.random.default_rng(SEED).dirichlet(np.ones(blocks), DRAWS) * blocks
-    totals = POLICY.tempering * (weights @ gains.T - prices)
-    totals -= totals.max(axis=1, keepdims=True)
-    belief = np.exp(totals)
-    return np.asarray((belief / belief.sum(axis=1, keepdims=True)).mean(axis=0))
-
-
 def surest_of(search: Search, whole: Fit, limits: Limits) -> float:
     """Upper bound on any probability: by the number of independent equations, and by the log itself. Every effect was
     chosen among many, beside every other, and so was none: with few equations many effects explain any moves."""
@@ -192,32 +173,22 @@ def _size(search: Search, whole: Fit) -> int:
     return sum(len(t.shape["edges"]) if t.effect.listed else 1 + t.effect.searched for t in chosen)
 
 
-def missing_of(
-    search: Search, whole: Fit, members: Mapping[str, Membership], surest: float, said: Mapping[str, float]
-) -> tuple[Missing, ...]:
+def missing_of(members: Mapping[str, Membership], surest: float, said: Mapping[str, float]) -> tuple[Missing, ...]:
     """The effects of the set that was found, the surest first. surest : no probability is higher, for this log.
     said : effect -> probability of the verdict."""
     beliefs = [(m, m.belief(name)) for name, m in members.items()]
-    found = [Missing(m.effect, said.get(m.effect, probability_of(search, whole, m, b, surest))) for m, b in beliefs]
+    found = [Missing(m.effect, said.get(m.effect, probability_of(m, b, surest))) for m, b in beliefs]
     return tuple(sorted(found, key=lambda one: -one.probability))
 
 
-def probability_of(search: Search, whole: Fit, member: Membership, belief: float, surest: float) -> float:
+def probability_of(member: Membership, belief: float, surest: float) -> float:
     """That an effect is missing. belief : in it, against every other in its place. surest : as in `missing_of`."""
-    return min(belief * _no_stand_in(search, whole, member.effect), surest, member.surest)
-
-
-def _no_stand_in(search: Search, whole: Fit, name: str) -> float:
-    """Power that an effect takes off beside the others, over that and what a stand-in that leaves as much would."""
-    rest = search.fit(tuple(t for t in whole.terms if t.id != name), whole.tap)
-    rmse = search.problem.errors.rmse
-    own = max(rmse(rest) ** 2 - rmse(whole) ** 2, 0.0)
-    return own / max(own + (POLICY.stands_in * _left(search, whole)) ** 2, 1e-300)
+    return min(belief * member.there, surest, member.surest)
 
 
 def left_over(search: Search, whole: Fit) -> float:
     """Probability that what a set leaves is a force that no effect describes."""
-    return POLICY.surest_in_doubt * _force(search, _left(search, whole))
+    return POLICY.surest_in_doubt * _force(search, beyond_noise(search, whole))
 
 
 def nothing_missing(search: Search, options: Sequence[Option]) -> float:
@@ -246,11 +217,9 @@ def _force(search: Search, left: float) -> float:
 def unexplained_of(search: Search, whole: Fit, beyond: Discrepancy, nothing: float) -> Unexplained:
     """What a set leaves. nothing : probability that nothing is missing beside it, where neither a function of the
     channels nor the sensor's floor says that something is."""
-    share, on = _left(search, whole) / max(search.problem.errors.force, 1e-300), beyond.on if beyond.unknown else ()
+    share, on = (
+        beyond_noise(search, whole) / max(search.problem.errors.force, 1e-300),
+        beyond.on if beyond.unknown else (),
+    )
     left = beyond.unknown or above_floor(search, whole)
     return Unexplained(share, left_over(search, whole) if left else 1.0 - nothing, on)
-
-
-def _left(search: Search, fit: Fit) -> float:
-    """rms beyond the sensor's noise, unit of u."""
-    return math.sqrt(max(surely_left(search, fit) ** 2 - search.problem.floor**2, 0.0))

@@ -5,7 +5,7 @@ import math
 import pytest
 from scipy.optimize import minimize_scalar
 
-from dsd_cli.identify.fit.golden import golden_section
+from dsd_cli.signals.golden import golden_section
 
 
 @pytest.mark.parametrize(

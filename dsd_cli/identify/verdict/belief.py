@@ -1,0 +1,124 @@
+"""Belief that alternatives share by their held-out likelihood, block by block, and whether an effect is there whatever
+else is: beside laws that name no physics, and with those in its place.
+
+Each draw gives the blocks new random weights (Bayesian bootstrap) and each alternative a posterior weight by its
+held-out log-likelihood less its penalty; the mean over the draws is the probability. So no single block decides, and
+correlation within blocks does not count as evidence (pseudo-BMA+; Yao et al. 2018).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+
+from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.freeform import GAIN, FreeformFits
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.discrepancy import beyond_noise
+from dsd_cli.signals.log import Array
+
+DRAWS, SEED = 400, 20261121
+
+
+def belief_by_squares(squares: Array) -> Array:
+    """Share of belief, shape (m,), of rivals that leave these held-out squares on each of B blocks, shape (m, B).
+
+    By the profile likelihood, N/2 ln, with N = B: what none of the rivals follows is alike all through a block, and
+    decides by far too much where it counts as noise of single rows.
+    """
+    left = np.maximum(squares.sum(axis=1), 1e-300)
+    least, more = left.argmin(), left - left.min()
+    nats = 0.5 * squares.shape[1] * np.log(left / left.min())
+    gains = (squares[least] - squares) * (nats / np.where(more > 0.0, more, 1.0))[:, None]
+    return shared_belief(gains, np.zeros(len(squares)))
+
+
+def shared_belief(gains: Array, prices: Array) -> Array:
+    """gains: nats per block, shape (m, B)."""
+    blocks = gains.shape[1]
+    weights = np.random.default_rng(SEED).dirichlet(np.ones(blocks), DRAWS) * blocks
+    totals = POLICY.tempering * (weights @ gains.T - prices)
+    totals -= totals.max(axis=1, keepdims=True)
+    belief = np.exp(totals)
+    return np.asarray((belief / belief.sum(axis=1, keepdims=True)).mean(axis=0))
+
+
+#: Channels of a function without a name; () is none.
+Law = tuple[str, ...]
+
+
+class UnnamedLaws:
+    """Functions of the channels beside the set that was found, and in the place of its members.
+
+    A set that leaves something is one of several: the rest may be a function of any channels, and an effect either acts
+    beside that, or stands in for it. Each function, and none, is fitted with the effect and without it, and these share
+    the belief (Bayesian model averaging; Hoeting et al. 1999). So dry friction stays sure where what is left depends on
+    the position, unless a function of the position does as well without it.
+
+    misfit : whether more is left than the sensor leaves; without, nothing stands in for anything.
+    """
+
+    def __init__(self, search: Search, whole: Fit, misfit: bool) -> None:
+        self.search, self.whole, self.misfit = search, whole, misfit
+        self.left = beyond_noise(search, whole)
+
+    @cached_property
+    def _part(self) -> tuple[Search, Fit, FreeformFits]:
+        part = self.search.excerpt or self.search
+        fit = self.whole if part is self.search else part.fit(self.whole.terms, self.whole.tap)
+        return part, fit, part.freeform(fit)
+
+    def belief(self, member: Term, rest: Fit) -> float:
+        """That what a member explains is there as such. rest : the set without it.
+
+        Of what is left beside an effect only the background counts that no model of an axis says better; of a function
+        of its own channels, which does better in its place, all that is left, for what stands in for another law leaves
+        a good part of that.
+        """
+        rmse = self.search.problem.errors.rmse
+        own = max(rmse(rest) ** 2 - rmse(self.whole) ** 2, 0.0)
+
+        def share(left: float) -> float:
+            return own / max(own + (POLICY.stands_in * left) ** 2, 1e-300)
+
+        beside, instead = self._shares(member) if self.misfit else (1.0, 0.0)
+        background = min(self.left, POLICY.least_unknown * self.search.problem.errors.force)
+        return beside * share(background) + instead * share(self.left)
+
+    def _shares(self, member: Term) -> tuple[float, float]:
+        """Belief that an effect acts beside whatever else does, and that a function of its own channels acts instead;
+        the rest is that of functions of other channels, or of nothing, instead."""
+        search, fit, fits = self._part
+        own = set(member.effect.needs or ("time",))
+        groups = [g for g in fits.groups() if "u" in own or "u" not in g]  # a loop's u answers whatever acts
+        of_own = [own <= {"u" if name == GAIN else name for name in group} for group in groups]
+        rest = search.without(fit, member)
+        beside: list[Law] = [(), *(g for g, mine in zip(groups, of_own, strict=True) if not mine)]
+        instead: list[Law] = [(), *groups]
+        squares = [fits.without("", on) for on in beside] + [self._without(rest, member, on) for on in instead]
+        prices = [search.price((member,)) + self._price(on) for on in beside] + [self._price(on) for on in instead]
+        gains = self._gains(np.stack(squares)) / search.by_chance(rest, fit)
+        shares = shared_belief(gains, np.array(prices))
+        return float(shares[: len(beside)].sum()), float(shares[len(beside) + 1 :][of_own].sum())
+
+    @staticmethod
+    def _price(on: Law) -> float:
+        """Nats for a function that is the best of some ten."""
+        return POLICY.unknown_nats if on else 0.0
+
+    def _without(self, rest: Fit, member: Term, on: Law) -> Array:
+        """Held-out squares per block; an event in time has no columns, and what is left without it is fitted anew."""
+        search, _, fits = self._part
+        return (search.freeform(rest) if member.effect.listed else fits).without(member.id, on)
+
+    def _gains(self, squares: Array) -> Array:
+        """Nats per block over the likeliest, shape (m, B), of held-out squares of that shape."""
+        sums = squares.sum(axis=1)
+        nats = np.array([self._part[0].nats(float(x)) for x in sums])
+        best = int(np.argmin(nats))
+        more = sums - sums[best]
+        scale = np.where(more != 0.0, (nats - nats[best]) / np.where(more != 0.0, more, 1.0), 0.0)
+        return np.asarray((squares[best] - squares) * scale[:, None])
