@@ -10,7 +10,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 
 from dsd_cli.errors import DataError
-from dsd_cli.files.formats.join import Joined, Sampled, join
+from dsd_cli.files.formats.changes import changes_of, logged_on_change, without_repeats
+from dsd_cli.files.formats.join import DECIDING, Joined, Sampled, join
 from dsd_cli.files.parquet_in import BATCH_ROWS
 from dsd_cli.files.table_source import Batch, TableSource
 from dsd_cli.files.wrapped import WrappedTable
@@ -34,9 +35,25 @@ def is_blank(values: Mapping[str, Array]) -> bool:
     return bool(rows >= FEWEST and (counts > 0).all() and (counts <= (1.0 - BLANK) * rows).any())
 
 
-def _is_whole(values: Mapping[str, Array]) -> bool:
+def _is_whole(columns: Mapping[str, Array]) -> bool:
     """Whether no column is blank, as far as these rows say it: one that is all empty may begin later."""
-    return not is_blank(values) and all(np.isfinite(column).any() for column in values.values())
+    begun = all(np.isfinite(column).any() for column in _measured(columns).values())
+    return begun and not is_blank(_measured(columns)) and not is_on_change(columns) and not _blanked(columns)
+
+
+def _blanked(columns: Mapping[str, Array]) -> dict[str, Array]:
+    """A table of changes whose blank cells were filled with what was before, blank again; {}: it is none."""
+    deciding = {name: x for name, x in columns.items() if name in DECIDING}
+    return without_repeats(columns["t"], deciding, [name for name in deciding if name != "u"])
+
+
+def is_on_change(columns: Mapping[str, Array]) -> bool:
+    """Whether u is blank where it did not change, however few rows that are; stamps and channels, shape (n,) each."""
+    u = columns.get("u")
+    if u is None or np.isfinite(u).all():
+        return False
+    seen = {name: changes_of(columns["t"], columns[name]) for name in DECIDING if name in columns}
+    return "u" in logged_on_change(seen, [name for name in seen if name in DECIDING[1:]])
 
 
 def _measured(columns: Mapping[str, Array]) -> dict[str, Array]:
@@ -59,13 +76,14 @@ class _OwnClocks(WrappedTable):
         first = next(batches, None)
         if first is None:
             return
-        if _is_whole(_measured(first.columns)):
+        if _is_whole(first.columns):
             yield first
             yield from batches
             return
         parts = [first, *batches]
         columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in first.columns}
-        if not is_blank(_measured(columns)):
+        columns |= _blanked(columns)
+        if not is_blank(_measured(columns)) and not is_on_change(columns):
             yield from parts
             return
         for joined in self._joined(columns.pop("t"), columns):

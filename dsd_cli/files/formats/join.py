@@ -13,14 +13,13 @@ from typing import NamedTuple
 import numpy as np
 
 from dsd_cli.errors import DataError
+from dsd_cli.files.formats.changes import HOLE, changes_of, filled, held_at, logged_on_change
 from dsd_cli.signals.log import Array, Hold
 
 #: Channels whose rate may decide about that of the rows.
 DECIDING = ("u", "d_hat", "velocity", "position")
 #: Rates closer than this share are the same: then the rows are those of u.
 SAME_RATE = 0.01
-#: Neighbours farther apart than this many median steps leave a hole, and no value between them.
-HOLE = 2.5
 #: Steps longer than this many mean steps are pauses, and no part of the rate.
 PAUSE = 10.0
 #: What is done to a channel of another clock.
@@ -28,11 +27,15 @@ AVERAGED, INTERPOLATED, HELD = "averaged from row to row", "interpolated", "held
 
 
 class Sampled(NamedTuple):
-    """Channels of one clock: `t` and values, shape (n,); `label` names the clock."""
+    """Channels of one clock: `t` and values, shape (n,); `label` names the clock.
+
+    `kept`: a control input that was logged only where it changed: it acted until its next value.
+    """
 
     label: str
     t: Array
     values: Mapping[str, Array]
+    kept: bool = False
 
     @property
     def rate(self) -> float:
@@ -58,8 +61,9 @@ def join(source: str, parts: list[Sampled], u_hold: Hold = "held") -> Joined:
     ------
     DataError : stamps that go backwards or do not overlap, so that nothing can be joined.
     """
+    parts, said = _with_unchanged(parts) if u_hold == "held" else (parts, "")
     base = _base(parts)
-    out, notes = dict(base.values), []
+    out, notes = dict(base.values), [said] if said else []
     for part in parts:
         if part is base:
             continue
@@ -68,6 +72,8 @@ def join(source: str, parts: list[Sampled], u_hold: Hold = "held") -> Joined:
             continue
         t, values = _ordered(source, part)
         _check_overlap(source, base, part.label, t)
+        if part.kept:
+            t, values["u"] = held_at(changes_of(t, values["u"]), base.t)
         for name, column in values.items():
             out[name] = _BY_WAY[_way(name, u_hold)](base.t, t, column)
         notes.append(_note(base, part, u_hold))
@@ -75,10 +81,32 @@ def join(source: str, parts: list[Sampled], u_hold: Hold = "held") -> Joined:
 
 
 def _base(parts: list[Sampled]) -> Sampled:
-    home = next((part for part in parts if "u" in part.values), parts[0])
-    deciding = [part for part in parts if any(name in part.values for name in DECIDING) and part.rate > 0.0]
+    sampled = [part for part in parts if not part.kept] or parts
+    deciding = [part for part in sampled if any(name in part.values for name in DECIDING) and part.rate > 0.0]
+    home = next((part for part in sampled if "u" in part.values), (deciding or sampled)[0])
     slowest = min(deciding, key=lambda part: part.rate, default=home)
     return slowest if slowest.rate < (1.0 - SAME_RATE) * home.rate else home
+
+
+def _with_unchanged(parts: list[Sampled]) -> tuple[list[Sampled], str]:
+    """Channels that were logged only where they changed with what they were in between, and what to say of it."""
+    found = {name: changes_of(part.t, x) for part in parts for name, x in part.values.items() if name in DECIDING}
+    kept = logged_on_change(found, [name for name in found if name in DECIDING[1:]])
+    if not kept:
+        return parts, ""
+    until = max(float(np.nanmax(part.t)) for part in parts if part.t.size)
+    out = []
+    for part in parts:
+        mine = [name for name in part.values if name in kept]
+        rest = {name: x for name, x in part.values.items() if name not in mine}
+        out += [part._replace(values=rest)] if rest else []
+        for name in mine:
+            one = found[name]
+            t, x = (one.t, one.x) if name == "u" else filled(one, until)
+            out.append(Sampled(part.label, t, {name: x}, kept=name == "u"))
+    names = [name for name in found if name in kept]
+    verb = "has a value only where it" if len(names) == 1 else "have a value only where they"
+    return out, f'{", ".join(names)} {verb} changed: kept until the next (if samples were lost: u_hold = "sampled")'
 
 
 def _ordered(source: str, part: Sampled) -> tuple[Array, dict[str, Array]]:
