@@ -35,7 +35,7 @@ _BLANK = " \u00a0\u202f"
 _SPELT = re.compile(
     rf"([-+]?(?:\d[\d.,'\u2019{_BLANK}]*|[.,]\d+)(?:[eE][-+]?\d+)?)[{_BLANK}]*([^\s\d.,'\u2019+-].*)?", re.ASCII
 )
-_LARGE = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}")
+LARGE = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}")
 _LONE = re.compile(r"\s*([-+]?\d*([.,])\d+(?:[eE][-+]?\d+)?)(?![\d.,])")
 DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
 ISO_TIME = re.compile(r"\s*\d{4}-\d\d-\d\d[ T]\d\d:\d\d")
@@ -112,7 +112,7 @@ def _grouped(thousands: str, decimal: str) -> re.Pattern[str]:
 def decimal_signs(cells: Iterable[str]) -> set[str]:
     """The signs that can stand between no thousands: of a file these are decimal in every column of it."""
     found = filter(None, map(_LONE.match, cells))
-    return {one[2] for one in found if not _LARGE.fullmatch(one[1])}
+    return {one[2] for one in found if not LARGE.fullmatch(one[1])}
 
 
 def written(cells: Iterable[str], decimal: Collection[str] = ()) -> Written | None:
@@ -171,7 +171,7 @@ def _signs(numbers: Sequence[str], decimal: Collection[str]) -> tuple[str, str]:
         small = [text.lstrip("+-") for text in numbers if sign not in text]
         if sign in decimal:
             continue
-        if large and all(_LARGE.fullmatch(text) for text in large) and small and all(len(text) < 4 for text in small):
+        if large and all(LARGE.fullmatch(text) for text in large) and small and all(len(text) < 4 for text in small):
             return sign, other
     return "", "," if any("," in text for text in numbers) else "."
 

@@ -11,7 +11,7 @@ import numpy as np
 from dsd_cli.errors import DataError
 from dsd_cli.files import csv_dialect as dialects
 from dsd_cli.files.csv_body import BODY, FEW, Body, are_of_counts
-from dsd_cli.files.csv_cells import is_number, plain_number, seconds
+from dsd_cli.files.csv_cells import is_number
 from dsd_cli.files.csv_described import Row
 from dsd_cli.files.csv_end import Head
 from dsd_cli.files.csv_factors import Scaling, factors_in
@@ -19,6 +19,7 @@ from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.csv_said import key_of, kind_of, labelled
 from dsd_cli.files.formats.known import format_of
 from dsd_cli.files.growing_lines import GrowingLines
+from dsd_cli.files.live_cells import LiveCells
 from dsd_cli.files.table_source import Batch, choose_columns, read_sidecar
 
 _SAMPLE = "line {} is taken as a sample: if it is of factors, write it to a file first"
@@ -73,13 +74,14 @@ class LineStream:
         self._top: list[bytes] = []  # header and what is above it
         self._above: list[Row] = []  # lines that say something of the channels, or may do so
         self._scaling = Scaling(self.name, None, ())
+        self._cells = LiveCells()
         self.unreadable = 0
         self._events = self._source.read()
         self._waiting = self._until_header()
 
     @property
     def warnings(self) -> list[str]:
-        return [*self._notes, *self._head.said("t" in self.columns), *self._scaling.said]
+        return [*self._notes, *self._head.said("t" in self.columns), *self._scaling.said, *self._cells.said]
 
     def batches(self) -> Iterator[Batch]:
         try:
@@ -256,25 +258,26 @@ class LineStream:
         try:
             if len(fields) != len(self.column_names) or not self._places:
                 raise ValueError
-            return [(seconds if c == "t" else plain_number)(fields[at]) for c, at in self._places]
+            row = [self._cells.read(at, fields[at], c == "t") for c, at in self._places]
         except ValueError:
             if not self.unreadable:
                 self._notes.append(f'line {self._line} cannot be read: "{line.strip()[:60]}"')
             self.unreadable += 1
             return [np.nan] * len(self.columns)
+        self._cells.count(row)
+        return row
 
     def _refuse_spelt(self, fields: list[str]) -> None:
         for c, at in self._places:
             cell = fields[at].strip() if at < len(fields) else ""
-            if c != "t" and is_number(cell) and not _is_plain(cell):
+            if c != "t" and is_number(cell) and not self._is_read(at, cell):
                 what = f'column "{self.column_names[at]}" is written as "{cell[:40]}"'
-                remedy = "write it to a file first, or digits with a decimal sign alone"
+                remedy = "write it to a file first, or numbers without a unit"
                 raise DataError(f"{self.name}, line {self._line}: {what}, which is no number in a stream", remedy)
 
-
-def _is_plain(cell: str) -> bool:
-    try:
-        plain_number(cell)
-    except ValueError:
-        return False
-    return True
+    def _is_read(self, at: int, cell: str) -> bool:
+        try:
+            self._cells.read(at, cell)
+        except ValueError:
+            return False
+        return True

@@ -182,3 +182,28 @@ def test_a_file_that_was_replaced_by_one_with_fewer_names_does_not_end_following
     rows = rows_of(batches)
     assert np.isnan(rows[2:4]).all()
     assert [*rows[:2], *rows[4:]] == [(0.0, 1.0), (1.0, 2.0), (0.0, 8.0)]
+
+
+@pytest.mark.parametrize(
+    ("cells", "values"),
+    [
+        (["999,5", "1.234,5", "-1.234.567,8", "2.345", "0,125"], [999.5, 1234.5, -1234567.8, 2345.0, 0.125]),
+        (["999.5", "1,234.5", "-1,234,567.8", "2,345", "0.125"], [999.5, 1234.5, -1234567.8, 2345.0, 0.125]),
+        (["1'234.5", "2.345", "17"], [1234.5, 2.345, 17.0]),
+        (["2.345", "1.234", "0.5", "3.456"], [2.345, 1.234, 0.5, 3.456]),
+    ],
+)
+def test_thousands_are_apart_in_a_stream_as_in_a_file(cells, values):
+    """A lone sign stands for thousands from where the column has shown its decimal sign on."""
+    lines = "".join(f'{k};"{cell}"\n' for k, cell in enumerate(cells))
+    stream = LineStream(pipe_with(f"t;u\n{lines}".encode()), WANTED)
+    assert rows_of(stream.batches()) == [(float(k), x) for k, x in enumerate(values)]
+    assert stream.unreadable == 0
+
+
+@pytest.mark.parametrize(("alone", "said"), [(True, True), (False, False)])
+def test_cells_that_are_blank_in_most_rows_of_a_stream_are_said(alone, said):
+    lines = "".join(f"{k},{k if not alone or k % 3 == 0 else ''}\n" for k in range(300))
+    stream = LineStream(pipe_with(b"t,u\n" + lines.encode()), WANTED)
+    rows_of(stream.batches())
+    assert any("200 of the first 300 rows lack a value" in one for one in stream.warnings) == said

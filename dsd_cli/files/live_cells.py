@@ -1,0 +1,59 @@
+"""Cells of a stream, one after the other: what stands for thousands is known by the cells that came before."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from contextlib import suppress
+
+from dsd_cli.files.csv_cells import LARGE, Written, plain_number, seconds, written
+
+#: Rows from which on blank cells are worth a word.
+ROWS = 200
+
+
+class LiveCells:
+    """Numbers of each column with their thousands, as `1.234,5` and `1,234.5`, whose signs no cell has otherwise.
+
+    A lone sign before three digits is decimal until the column has shown the other one to be so.
+    """
+
+    def __init__(self) -> None:
+        self._decimal: dict[int, str] = {}
+        self._rows = self._blank = 0
+
+    def read(self, at: int, text: str, stamp: bool = False) -> float:
+        """The value of a cell of that column; NaN: there is none.
+
+        Raises
+        ------
+        ValueError : it is no number, or has a unit.
+        """
+        with suppress(ValueError):
+            value = seconds(text) if stamp else plain_number(text)
+            sign = "," if "," in text else "." if "." in text else ""
+            known = self._decimal.get(at)
+            if not sign or known == sign:
+                return value
+            if not LARGE.fullmatch(text.strip()):
+                self._decimal[at] = sign
+                return value
+            return value if known is None else Written(sign, known).value(text)
+        how = written([text]) or Written()
+        if how.unit or not how.thousands:
+            raise ValueError(text)
+        self._decimal[at] = how.decimal
+        return how.value(text)
+
+    def count(self, row: Sequence[float]) -> None:
+        """Remember whether a row lacks a value."""
+        self._rows += 1
+        self._blank += any(map(math.isnan, row))
+
+    @property
+    def said(self) -> list[str]:
+        """That most rows lack a value, where they do: as channels have that are logged each by itself."""
+        if self._rows < ROWS or 2 * self._blank < self._rows:
+            return []
+        what = f"{self._blank:,} of the first {self._rows:,} rows lack a value and are left out"
+        return [f"{what}: channels that were logged each by itself, or on change, are joined in a file only"]
