@@ -18,6 +18,7 @@ from typing import Any
 from dsd_cli.errors import DataError
 from dsd_cli.files.csv_dialect import split
 from dsd_cli.files.formats.base import check_size
+from dsd_cli.files.turned_rows import may_be_turned, turned
 from dsd_cli.files.workbook import is_workbook, text_of_workbook
 
 #: Bytes that are unpacked at a time, and those that tell how a text is written.
@@ -55,10 +56,11 @@ def content_of(path: str | Path, most: int | None = None) -> bytes | None:
             if head.startswith(_ZIP):
                 member = _member(str(path), head)
                 return None if member is None else _unpacked(path, *member, most)
-            if _encoding(head) is None and _STAMPED.match(head) is None and _without_lists(head) == head:
+            turn = may_be_turned(head)
+            if _encoding(head) is None and _STAMPED.match(head) is None and _without_lists(head) == head and not turn:
                 return None
             file.seek(0)
-            return _as_utf8(file.read() if most is None else file.read(2 * most))[:most]
+            return _as_utf8(file.read() if most is None or turn else file.read(2 * most))[:most]
     except (OSError, ValueError):
         return None  # whoever reads it says why
 
@@ -162,7 +164,8 @@ def _as_utf8(content: bytes) -> bytes:
         lines = content[:HEAD].splitlines()[:-1] or [content]
         by = max((b"\t", b";", b",", b" "), key=lambda one: sum(one in line.partition(b" -> ")[2] for line in lines))
         content = _STAMPED.sub(rb"\1" + by, content)
-    return _without_lists(content)
+    content = _without_lists(content)
+    return turned(content) or content
 
 
 def _without_lists(content: bytes) -> bytes:

@@ -24,6 +24,7 @@ from dsd_cli.files.csv_rate import sample_time_of
 from dsd_cli.files.csv_stamps import split_stamps
 from dsd_cli.files.parquet_in import arrow_source, threaded
 from dsd_cli.files.table_source import Batch, choose_columns, read_head, read_sidecar
+from dsd_cli.files.turned_rows import said_of
 from dsd_cli.signals.log import Array
 
 HEAD_BYTES = 1 << 16
@@ -78,7 +79,7 @@ class CsvTable:
         self._encoding = dialects.encoding_of(b"\n".join(head.splitlines()[: len(lines)]))
         self.metadata = read_sidecar(name)
         self._scaling = Scaling(name, found.factors, names, layout.scaled)
-        self._notes = [*found.notes]
+        self._notes = [*said_of(name, self._content), *found.notes]
         if self._dialect.units is not None and found.units is None:
             self._notes.append(f"line {self._dialect.skip} is taken as units, not data")
         self.unreadable = 0

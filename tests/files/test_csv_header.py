@@ -1,6 +1,5 @@
 """Which line above the numbers names the columns: comments, titles and rows of units are told from each other."""
 
-import subprocess
 from pathlib import Path
 
 import numpy as np
@@ -273,16 +272,6 @@ def test_a_last_line_without_an_end_was_cut_off(last: str, end: str, rows: int |
         return
     assert sum(batch.rows for batch in table.batches()) == rows
     assert ("its last line is cut off in the middle, and left out" in table.warnings) == (rows == 99)
-
-
-def test_signals_in_rows_are_named_with_the_command_that_turns_them(tmp_path: Path) -> None:
-    path = tmp_path / "wide.csv"
-    path.write_text("\n".join(",".join(f"{k * n:.4f}" for k in range(12000)) for n in range(3)))
-    with pytest.raises(DataError) as said:
-        open_table(path, {"t": "1"})
-    command = said.value.hint.partition(": ")[2]
-    subprocess.run(["sh", "-c", command], cwd=tmp_path, check=True)
-    assert np.allclose(np.loadtxt(tmp_path / "turned.csv", delimiter=",")[:, 2], 2.0 * np.arange(12000))
 
 
 @pytest.mark.parametrize("tail", ["\n[End]\nTrace complete\n", "\n*** end of trace ***\n"])

@@ -1,0 +1,73 @@
+"""Text whose signals stand in its rows, a row of a name (and a unit) with all its samples: turned, as matrices are."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Sequence
+from itertools import zip_longest
+
+from dsd_cli.files.csv_cells import MISSING, is_number, number
+from dsd_cli.files.csv_dialect import decode, fields_of, is_comment
+from dsd_cli.files.formats.base import LONG, lies_in_rows
+from dsd_cli.files.recognise import is_time
+
+#: Cells at the begin of a row that may say of which signal it is.
+_SAYING = 3
+#: Cells of a row that are looked at, and the share of them that are numbers.
+_SOME, _MOSTLY = 64, 0.9
+#: Bytes that say it.
+_HEAD = 4096
+#: What is said of it.
+TURNED = "its signals stand in its rows, which are taken as columns"
+
+
+def may_be_turned(head: bytes) -> bool:
+    """Whether a text that begins so may be one: its first line has very many numbers."""
+    return _delimiter(decode(head)) is not None
+
+
+def turned(content: bytes) -> bytes | None:
+    """The same with its signals in columns; None: they stand there already."""
+    by = _delimiter(decode(content[:_HEAD]))
+    if by is None:
+        return None
+    rows = [fields_of(line, by) for line in decode(content).splitlines() if not is_comment(line)]
+    most = max(map(len, rows))
+    if len(rows) < 2 or not lies_in_rows((len(rows), most)) or min(map(len, rows)) < LONG:
+        return None
+    rows = rows[1:] if _only_counts(rows[0]) else rows
+    out = io.StringIO()
+    csv.writer(out, delimiter=by if by != " " else ",", lineterminator="\n").writerows(zip_longest(*rows, fillvalue=""))
+    return out.getvalue().encode()
+
+
+def said_of(path: str, content: bytes | None) -> list[str]:
+    """What to say of the text of a file, as it is read."""
+    if content is None:
+        return []
+    with open(path, "rb") as file:
+        head = file.read(_HEAD)
+    return [TURNED] if may_be_turned(head) and content[:_HEAD] != head else []
+
+
+def _only_counts(cells: Sequence[str]) -> bool:
+    """Whether it numbers the samples, as the header of a sheet does, and is called by no time."""
+    named = bool(cells[0].strip()) and not is_number(cells[0]) and not is_time(cells[0])
+    numbers = [cell for cell in cells[1:] if is_number(cell)]
+    return named and any([*map(number, numbers)] == [*range(k, k + len(numbers))] for k in (0, 1))
+
+
+def _delimiter(text: str) -> str | None:
+    """What stands between the cells of its first line; None where there are too few, or they are no numbers."""
+    line = next((line for line in text.splitlines() if not is_comment(line)), "")
+    for by in (";", "\t", ",", " "):
+        cells = fields_of(line, by) if by in line else []
+        if len(cells) > LONG + _SAYING:
+            return by if _are_numbers(cells[_SAYING:-1]) else None  # the last may be cut
+    return None
+
+
+def _are_numbers(cells: Sequence[str]) -> bool:
+    some = [cell for cell in cells[:_SOME] if cell.strip() not in MISSING]
+    return sum(map(is_number, some)) > _MOSTLY * len(some)

@@ -1,0 +1,48 @@
+"""Text with its signals in its rows is read as the same text with them in columns."""
+
+import numpy as np
+import pytest
+
+from dsd_cli.files.sample import sample
+from dsd_cli.files.tables_in import open_table
+
+ROWS = {"Time": "s", "Torque": "Nm", "Angle": "rad"}
+
+
+def channels(samples):
+    t = np.arange(samples) * 0.01
+    return dict(zip(ROWS, (t, np.sin(t + 0.5), t**2), strict=True))
+
+
+def text(found, saying, by=",", comma=False, count=False):
+    cells = {name: [f"{x:.6f}".replace(".", "," if comma else ".") for x in values] for name, values in found.items()}
+    begin = [[name, ROWS[name]][:saying] for name in found]
+    lines = [by.join([*one, *row]) for one, row in zip(begin, cells.values(), strict=True)]
+    above = by.join([*["Signal", "Unit"][:saying], *map(str, range(len(found["Time"])))])
+    return "\n".join([above, *lines] if count else lines) + "\n"
+
+
+@pytest.mark.parametrize(
+    ("saying", "how"),
+    [(1, {}), (2, {}), (2, {"count": True}), (1, {"by": ";", "comma": True}), (2, {"by": "\t"}), (0, {"by": " "})],
+)
+@pytest.mark.parametrize("samples", [100, 12000])
+def test_names_units_and_samples(saying, how, samples, tmp_path):
+    found = channels(samples)
+    (tmp_path / "log.csv").write_text(text(found, saying, **how), encoding="utf-8")
+    names = list(ROWS) if saying else ["1", "2", "3"]
+    table = open_table(tmp_path / "log.csv", dict(zip(("t", "u", "position"), names, strict=True)))
+    parts = [batch.columns for batch in table.batches()]
+    for name, x in zip(("t", "u", "position"), found.values(), strict=True):
+        np.testing.assert_allclose(np.concatenate([one[name] for one in parts]), x, atol=5.1e-7)
+    assert any("stand in its rows" in one for one in table.warnings)
+    (looked,) = sample(str(tmp_path / "log.csv")).tables
+    assert [one.unit for one in looked.channels] == (list(ROWS.values()) if saying == 2 else [""] * 3)
+
+
+def test_a_wide_table_of_many_samples_is_none(tmp_path):
+    lines = [",".join(f"{100 * row + k}" for k in range(80)) for row in range(200)]
+    (tmp_path / "log.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    table = open_table(tmp_path / "log.csv", {"u": "2"})
+    assert sum(batch.rows for batch in table.batches()) == 200
+    assert not any("stand in its rows" in one for one in table.warnings)
