@@ -62,7 +62,7 @@ def tune(
     from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.detect.tune.tuning import tune as choose
-    from dsd_cli.errors import UsageError
+    from dsd_cli.errors import UsageError, source_name
     from dsd_cli.files.config import load_config
     from dsd_cli.files.config.edit import check_config_output, read_origin, write_text
     from dsd_cli.report.tuning import TuningReport, print_lines, to_json
@@ -78,7 +78,7 @@ def tune(
     with Progress(not quiet) as progress, widening(settings.signals):
         evidence, warnings = _evidence(log, settings, progress)
         tuning = choose(evidence, progress)
-    report = TuningReport(tuning, log, output)
+    report = TuningReport(tuning, source_name(log), output)
     text = _written(origin.text, settings, tuning) if output is not None else ""
     warn(quiet, warnings)
     if output == "-":
