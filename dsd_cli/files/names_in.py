@@ -74,7 +74,9 @@ def unit_in(name: str, channel: str) -> str:
         return str(over[1]).partition(" ")[0]
     moves = COUNTS | NAMED.get(channel, {}).keys()
     known: Collection[str] = TIME_UNITS if channel == "time" else OF_U if channel == "u" else moves
-    last = name.rpartition("/")[2]
+    *path, last = name.split("/")
+    if len(path) > 1 and (whole := plain_unit(last.replace("-per-", "/"))) in known:  # actual/vel/mm-per-min of ctrlX
+        return whole
     if re.search(r"\.\w$", last):
         return ""  # IqCmd.a of a controller is an address
     *before, unit = re.split(r"[_\s]", last)

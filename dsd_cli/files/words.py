@@ -93,6 +93,7 @@ NAMED: Mapping[str, Mapping[str, str]] = {
         "r/min": "rpm", "1/min": "rpm", "rev/s": "turn/s", "turn/s": "turn/s", "turns/s": "turn/s", "hz": "turn/s",
         "grad/s": "deg/s", "u/min": "rpm", "umdr/min": "rpm", "min-1": "rpm", "min^-1": "rpm", "u/s": "turn/s",
         "mrad/s": "mrad/s", "cm/s": "cm/s", "tr/min": "rpm", "giri/min": "rpm", "rev/min": "rpm", "rot/s": "turn/s",
+        "m/min": "m/min", "mm/min": "mm/min",
     },
 }  # fmt: skip
 OF_U: Mapping[str, tuple[str, float]] = {

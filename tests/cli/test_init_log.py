@@ -9,6 +9,7 @@ import pytest
 
 from dsd_cli.files.config import load_config
 from dsd_cli.files.joints import joints_of
+from dsd_cli.files.names_in import unit_in
 from dsd_cli.files.recognise import recognise
 from tests.cli.rig import csv_text, done, dsd, refused
 from tests.files.formats import makers
@@ -49,6 +50,9 @@ def test_units_in_names() -> None:
     assert (found["u"].factor, found["velocity"].factor) == (1e-3, pytest.approx(2 * math.pi / 60))
     assert found["position"].factor == pytest.approx(math.pi / 180)
     assert recognise(["t", "i", "position [counts]"])["position"].factor is None
+    assert unit_in("axs/x/values/actual/vel/mm-per-min", "velocity") == "mm/min"
+    assert (unit_in("axs/x/values/actual/pos/mm", "position"), unit_in("axs/x/m", "velocity")) == ("mm", "")
+    assert recognise(["speed [mm/min]"])["velocity"].factor == pytest.approx(1e-3 / 60.0)
     spoken = {column: recognise([column])["u"].spoken for column in ("Torque_Nm", "force_N", "current [mA]", "u")}
     assert recognise(["Torque mNm"])["u"].factor == 1e-3
     axis = recognise(["t_x", "u_x", "v_x", "x"])
