@@ -29,6 +29,7 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
     import sys
     from dataclasses import replace
 
+    from dsd_cli.cli.few_moves import said_of_moves
     from dsd_cli.cli.identification import check_logs, load_open, print_json, warn
     from dsd_cli.cli.other_hold import said_of_hold
     from dsd_cli.cli.pictures import check_plot, put_picture
@@ -43,7 +44,7 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
     with Progress(not quiet) as progress, widening(settings.signals):
         given, asked = load_open(settings, log, apart, progress)
         found, recordings = _found(given, asked, progress, quiet)
-        found = replace(found, advice=(*said_of_hold(given, log, found), *found.advice))
+        found = replace(found, advice=(*said_of_hold(given, log, found), *found.advice, *said_of_moves(recordings)))
     report = DiagnosisReport(
         replace(found, warnings=(*given.warnings, *found.warnings)), given.model, apart, given.dropped
     )

@@ -28,7 +28,9 @@ def verdict(result: CheckResult) -> str:
     if result.errors:
         return f"cannot answer: {'; '.join(one.what for one in result.errors)}"
     if answers_little(result):
-        return "can answer little: no value is more than weakly identifiable, and moves are too few for an effect"
+        return (
+            "can answer little: no value is more than weakly identifiable, and moves are too few to judge an effect by"
+        )
     warnings = sum(one.severity == "warning" for one in result.findings)
     if not warnings:
         return "can answer"
