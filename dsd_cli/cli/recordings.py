@@ -90,10 +90,19 @@ def load_recording(
 
 def by_updates(loaded: LoadedLog) -> LoadedLog:
     """The log by the clock of its sensors, where it is written faster than they are read, and with the position of
-    which a speed is the difference; the warnings say so."""
-    from dsd_cli.signals.updates import summed
+    which a speed is the difference; the warnings say so, and whether u has a slower clock."""
+    from dsd_cli.signals.updates import rows_of_u, summed
 
-    return _as(summed, of_new_rows(loaded))
+    taken = _as(summed, of_new_rows(loaded))
+    log = taken.log
+    each = rows_of_u(log["u"]) if "u" in log and log.u_hold == "held" and taken.regular else 1
+    if each == 1:
+        return taken
+    more = f"{500.0 * (each - 1) * log.sample_time:.3g} ms"
+    said = (
+        f"u has a new value every {each} rows: if the logger read it so, and no drive held it, delay is {more} longer"
+    )
+    return replace(taken, warnings=(*taken.warnings, said))
 
 
 def of_new_rows(loaded: LoadedLog) -> LoadedLog:

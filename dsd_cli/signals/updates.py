@@ -165,6 +165,25 @@ def _mean_u(log: Log, t: Array, rows: _Rows, begins: _Rows) -> Array:
     return np.asarray(mean[np.searchsorted(each, rows)])
 
 
+#: A clock of u shows by so many different values, and as good as all come in step.
+_TICKS, _IN_STEP = 16, 0.98
+
+
+def rows_of_u(u: Array) -> int:
+    """For how many rows u keeps each value, where that is a clock of its own; 1 where not, as of the steps of a test.
+
+    A drive that holds it so and a logger that reads it so leave the same log: read so, each value but the first is old,
+    by (n - 1) / 2 rows in the mean, and a delay that is identified is shorter by that.
+    """
+    new = np.flatnonzero(np.diff(u)) + 1
+    if np.unique(u[new]).size < _TICKS:
+        return 1
+    apart = np.diff(new)
+    each = int(np.min(apart))
+    in_step = np.mean(apart % each == 0) > _IN_STEP and np.mean(apart == each) > _AS_OFTEN
+    return each if in_step else 1
+
+
 #: Noise of a speed is read from this share of half the sample rate on, and is that of a difference by so many nats.
 _NOISE_FROM, _NATS = 0.25, 10.0
 #: Stamps are even to this share of a sample.

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.signals.log import Log
-from dsd_cli.signals.updates import SUMMED, summed, updated
+from dsd_cli.signals.updates import SUMMED, rows_of_u, summed, updated
 
 ROWS, STEP = 4000, 0.001
 
@@ -223,3 +223,18 @@ def test_u_of_a_piece_that_begins_between_two_values_is_of_none_before_it():
     assert found.restarts == (401,)
     np.testing.assert_allclose(found.log["t"][401], t[2005], atol=1e-12)
     assert set(np.round(found.log["u"], 9)) == {1.0, 7.0}
+
+
+@pytest.mark.parametrize("each", [1, 2, 4])
+@pytest.mark.parametrize("late", [0, 1])
+def test_a_slower_clock_of_u_is_seen(each: int, late: int) -> None:
+    u = np.sin(0.013 * np.arange(ROWS)) + 0.3 * np.sin(0.11 * np.arange(ROWS))
+    assert rows_of_u(np.repeat(u[::each], each)[late:]) == each
+
+
+def test_steps_of_a_test_and_what_is_rounded_are_no_clock_of_u() -> None:
+    rng = np.random.default_rng(11)
+    square = np.where(np.arange(ROWS) // 50 % 2, 1.0, -1.0)
+    steps = np.repeat(rng.normal(size=80), rng.integers(20, 80, 80))
+    rounded = np.round(np.sin(0.013 * np.arange(ROWS)), 2)
+    assert [rows_of_u(u) for u in (square, steps, rounded, np.zeros(ROWS))] == [1, 1, 1, 1]
