@@ -124,6 +124,22 @@ def loops(folder: Path, a: dict) -> Path:
 
 
 #: Name -> (maker, u, position, what the position is multiplied by, unit of u in N or N m).
+def nodes(folder: Path, a: dict) -> Path:
+    """Nodes of a control's tree, the last of which is the unit."""
+    head = '"Timestamp";"axs/X/state/values/actual/pos/mm";"axs/X/state/values/actual/vel/mm-per-min";"drive/X/trq/N"'
+    columns = (a["t"], 1e3 * a["q"], 6e4 * a["v"], a["u"])
+    return text(folder, "nodes.csv", [head, *rows(*columns, by=";", form=german)], "\r\n")
+
+
+def trend(folder: Path, a: dict) -> Path:
+    """A word before each row, and stamps of a date and a time of day."""
+    head = ['"Controller Name:","Line1"', '"Trend Tags:",2', '"Sample Period:",2,"ms"', '"Start Time:","9/12/2023"']
+    head += ['"Header:","Date","Time","Axis_X.ActualPosition","Axis_X.TorqueReference"']
+    at = [f'"Data:","09/12/2023","10:11:{12.0 + t:06.3f}"' for t in a["t"]]
+    body = [f"{t},{q:.7g},{u:.7g}" for t, q, u in zip(at, a["q"], a["u"], strict=True)]
+    return text(folder, "trend.csv", head + body, "\r\n")
+
+
 MADE = {
     "scope_unscaled": (scope_unscaled, "MAIN.fTorque", "Axes.X.ActPos", 1e-3, 1.0),
     "scope_clocks": (scope_clocks, "ActTorque/value", "ActPos/value", 1.0, 1.0),
@@ -139,6 +155,8 @@ MADE = {
     "two_drives": (two_drives, "drive_1/fTrq", "drive_1/fPos", 1.0, 1.0),
     "printed_again": (printed_again, "pwm", "angle_deg", np.pi / 180.0, 0.1),
     "tenths": (tenths, "CH2 Torque", "CH3 Motor position", 2.0 * np.pi / 1_280_000, 0.01),
+    "nodes": (nodes, "drive/X/trq/N", "axs/X/state/values/actual/pos/mm", 1e-3, 1.0),
+    "trend": (trend, "Axis_X.TorqueReference", "Axis_X.ActualPosition", 1.0, 1.0),
     "resolutions": (resolutions, "torque", "position", np.pi / 180.0, 1.0),
     "objects": (
         objects,
