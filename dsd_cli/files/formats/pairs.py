@@ -17,9 +17,11 @@ from dsd_cli.files.csv_dialect import decode
 from dsd_cli.files.formats.base import InMemory
 from dsd_cli.signals.log import Array
 
-#: A name, its value, and a unit right behind that.
+#: A name, its value, and a unit right behind that, or one of these behind a blank.
+_APART = r"(?: (?=(?:Nm|m?A|m?V|N|%|°|(?:rad|deg|mm|m)(?:/s)?|rpm)(?:[\s,;)]|$)(?!\s*[=:])))?"
 PAIR = re.compile(
-    r"([A-Za-z_][\w./\[\]]*)'?\s*[=:]\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|-?inf)([A-Za-z%°]+(?:/s)?)?(?![\w.:])"
+    r"([A-Za-z_][\w./\[\]]*)'?\s*[=:]\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|-?inf)"
+    rf"{_APART}([A-Za-z%°]+(?:/s)?)?(?![\w.:])"
 )
 #: What may be a stamp before the first of them.
 STAMP = re.compile(r"\d{4}-\d\d-\d\d[ T][\d:.,]*\d|\d+(?:[.:]\d+)*")
