@@ -93,3 +93,15 @@ def test_a_control_input_that_was_measured_is_not_held(tmp_path: Path) -> None:
     assert "only where" not in said
     steps = written(tmp_path / "steps.csv", "rows", events(loops("uneven"), 0.0))
     assert "only where" not in read(steps, "sampled")[1]
+
+
+def test_rows_that_arrive_in_bursts_are_no_changes(tmp_path: Path) -> None:
+    """As a computer stamps what it reads from a port: u is new in all of them, and an encoder that creeps in some."""
+    k = np.arange(1200)
+    t = (k // 10) * 0.02 + (k % 10) * 1e-4
+    q = np.round(0.04 * k) * STEP
+    lines = [f"{a:.6f},{b:.6f},{c:.6f},{c:.6f}" for a, b, c in zip(t, np.sin(0.1 * k), q, strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join(["Timestamp,volts,pos,vel", *lines]) + "\n", encoding="utf-8")
+    found, said = read(tmp_path / "log.csv")
+    np.testing.assert_allclose(found["t"], t, atol=1e-6)
+    assert said == ""

@@ -27,6 +27,8 @@ _STOOD = 0.5
 _MOSTLY, _LEVELS, _USELESS = 0.5, 0.5, 50
 #: Values from which on that is seen.
 _FEWEST = 3
+#: Changes of u and of the motion fall into one row by chance only: at most this share of those of which there are few.
+_AT_ONCE = 0.1
 #: Signs of life come after this share of the longest silence at least, some changes before that of it.
 _AS_LONG, _SOONER = 0.99, 0.5
 
@@ -94,11 +96,17 @@ def logged_on_change(channels: Mapping[str, Changes], motions: Collection[str]) 
 def without_repeats(t: Array, values: Mapping[str, Array], motions: Collection[str]) -> dict[str, Array]:
     """The channels of a table with a row for each change of any of them, each blank again where it is not its own.
 
-    Such rows come in bursts, one for each channel of a loop, and none repeats all of the one before; {} for others.
+    Such rows come in bursts, one for each channel of a loop or more, so that u and the motion hardly ever change in
+    the same one, and none repeats all of the one before; {} for others.
     """
     fresh = {name: np.append(True, np.diff(x) != 0.0) for name, x in values.items()}
-    steps = np.diff(t)
-    if t.size < _USELESS or not np.any(list(fresh.values()), axis=0).all() or not np.all(steps >= 0.0):
+    steps, moved = (
+        np.diff(t),
+        np.any([fresh[name] for name in motions], axis=0) if motions else np.zeros(t.size, dtype=bool),
+    )
+    if t.size < _USELESS or "u" not in fresh or not np.all(fresh["u"] | moved) or not np.all(steps >= 0.0):
+        return {}
+    if np.sum(fresh["u"] & moved) > 1 + _AT_ONCE * min(fresh["u"].sum(), moved.sum()):  # the first row has all
         return {}
     usual = HOLE * float(np.quantile(steps, _BUSY))
     own = [changes_of(t[fresh[name]], values[name][fresh[name]]).pace for name in motions]
