@@ -16,7 +16,7 @@ class Policy:
     highest_share: float = 0.125  # of the sample rate; above, means over an interval are not exact enough
     signal_over_noise: float = 100.0  # power of the acceleration over the sensor's noise at the end of the band
     least_band_hz: float = 2.0  # Hz; slower moves than that hold no servo axis' dynamics
-    least_band_periods: float = 15.0  # periods of the band's end in the longest stretch
+    least_band_periods: float = 15.0  # periods of the band's end in a stretch that accelerates
     flattest: float = 1e-3  # least noise density over its mean: no row is trusted more than 30 times another
 
     # -- which way round --
@@ -43,7 +43,7 @@ class Policy:
     # -- delays --
     least_delay_range: float = 0.03  # s that are tried at least; each such distance from the believed delay costs a nat
     longest_delay: float = 1.0  # s of delay that are tried at most; no drive answers later
-    longest_delay_share: float = 0.2  # of the longest stretch
+    longest_delay_share: float = 0.2  # of a stretch that accelerates
 
     # -- held-out blocks --
     gap_rows: int = 5  # between what is fitted and what is judged: the reach of low-pass and whitening

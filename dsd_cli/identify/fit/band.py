@@ -110,6 +110,7 @@ def chosen_band(accelerations: Sequence[Array], noise: SensorNoise, sample_time:
 
     accelerations : as measured, of every stretch; `noise` : the sensor's.
     """
+    duration = telling_length([(accelerations, noise)]) * sample_time
     found = density(accelerations)
     allowed = found.angle <= 2.0 * np.pi * POLICY.highest_share
     angle, power = found.angle[allowed], found.power[allowed]
@@ -120,11 +121,23 @@ def chosen_band(accelerations: Sequence[Array], noise: SensorNoise, sample_time:
     low, high = np.maximum(index - reach, 0), np.minimum(index + reach + 1, len(ratio))
     above = np.flatnonzero((sums[high] - sums[low]) / (high - low) > POLICY.signal_over_noise)
     end = angle[above[-1]] if above.size else angle[0]
-    duration = max(len(x) for x in accelerations) * sample_time
     least = max(POLICY.least_band_hz, POLICY.least_band_periods / duration)
     return band_of(
         min(max(float(end) / (2.0 * np.pi * sample_time), least), POLICY.highest_share / sample_time), sample_time
     )
+
+
+def telling_length(logs: Sequence[tuple[Sequence[Array], SensorNoise]]) -> int:
+    """Samples of a stretch in which the axis accelerates: half of the squares of (accelerations, sensor's noise) of all
+    logs, beyond that noise, are in stretches no longer than this. Of tests in pieces the longest are slow ramps."""
+    lengths, squares = [], []
+    for accelerations, noise in logs:
+        of_sensor = float(np.mean(noise.density(np.linspace(0.0, np.pi, _CHUNK))))
+        lengths += [len(x) for x in accelerations]
+        squares += [max(float(x @ x) - len(x) * of_sensor, 0.0) for x in accelerations]
+    order = np.argsort(lengths)
+    sums = np.cumsum(np.array(squares)[order])
+    return lengths[order[np.searchsorted(sums, 0.5 * sums[-1])]] if sums[-1] > 0.0 else max(lengths)
 
 
 def own_band(recording: Recording) -> Band:

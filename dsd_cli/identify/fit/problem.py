@@ -11,7 +11,7 @@ import numpy as np
 
 from dsd_cli.effects import Ranges, Role, get_effect
 from dsd_cli.errors import DataError
-from dsd_cli.identify.fit.band import nearest_bands
+from dsd_cli.identify.fit.band import nearest_bands, telling_length
 from dsd_cli.identify.fit.bank import Bank, Term, Terms, has_friction
 from dsd_cli.identify.fit.blocks import Blocks, lay_blocks
 from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION, best_delay, inverse_is_evidence, needs_acceleration
@@ -21,8 +21,8 @@ from dsd_cli.identify.fit.errors import Errors
 from dsd_cli.identify.fit.noise_fit import Noise, measured, sensor_variance
 from dsd_cli.identify.fit.row_weights import Weighed, at_least_squares, weighed
 from dsd_cli.identify.fit.solve import Fit, Solver
-from dsd_cli.identify.fit.testability import Settings, candidates_of, check_recordings, check_used, ranges
-from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of, whole_inertia, without_zero
+from dsd_cli.identify.fit.testability import Settings, candidates_of, check_recordings, check_used, ranges, told_by
+from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of, whole_inertia
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Score
@@ -119,7 +119,8 @@ class Problem:
         beyond = left if found.leaning else left - noise if left > POLICY.incomplete * noise else 0.0
         floor = left * found.inflation + beyond * POLICY.correlated_rows
         fitted = fitted_values(found.fit, found.solver, self.scale, floor, known, complete=beyond == 0.0)
-        return without_zero(fitted, fit.terms, self.solver.known) if self.reconstructed("position") else fitted
+        zero = not self.reconstructed("position")
+        return told_by(self.errors.bank, fitted, self.beside, self.solver.known, zero=zero)
 
     def _noise_in(self, found: Weighed) -> float:
         """Variance of a whitened row that no function of single channels explains, in the rows that this fit trusts."""
@@ -165,7 +166,8 @@ def pose(
     known = known.holding_effects(model, (r.pushed[0] for r in recordings if r.pushed and by_contacts([r])))
     candidates, untestable = candidates_of(recordings, holdout, model, settings)
     base, step = terms_of(model), recordings[0].sample_time
-    longest = POLICY.longest_delay_share * max(len(p) for r in recordings for p in r.pieces) * step
+    telling = telling_length([([p["acceleration"] for p in r.pieces], r.sensor.noise) for r in recordings])
+    longest = POLICY.longest_delay_share * telling * step
     longest = min(longest, POLICY.longest_delay, max(0.5 * max(r.cycle for r in recordings), 2.0 * model.delay))
     beside = (*base, *_functions_of_motion(candidates))
     bank, most_tap = _bank(recordings, longest, settings.band)

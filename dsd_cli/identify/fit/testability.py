@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dsd_cli.effects import Ranges, catalogue, get_effect, kind_of
+from dsd_cli.effects import Ranges, Role, catalogue, get_effect, kind_of
 from dsd_cli.errors import DataError, TooShort
+from dsd_cli.identify.fit.bank import INERTIA as OF_INERTIA
+from dsd_cli.identify.fit.bank import Bank, Terms
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.priors import PriorKnowledge
+from dsd_cli.identify.fit.values import Fitted
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.levels import Deviations
 from dsd_cli.identify.recordings.recording import Recording, check_one_rate
+from dsd_cli.identify.results import INERTIA
 from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.log import Array
 
 
 def constant_u(recordings: Sequence[Recording]) -> bool:
@@ -130,3 +136,62 @@ def _moves(equations: Equations) -> bool:
             if float(np.ptp(place)) > ROUNDING * max(float(np.abs(place).max()), 1e-300):
                 return True
     return False
+
+
+def told_by(bank: Bank, fitted: Fitted, beside: Terms, known: PriorKnowledge, *, zero: bool) -> Fitted:
+    """Values without the error of those that the rows do not tell, whatever they scatter by.
+
+    bank : of rows in the unit of u. beside : effects that the log may hold as well. zero : whether that of the position
+    is known.
+    """
+    fitted = fitted if zero else _without_zero(fitted, fitted.fit.terms, known)
+    untold = _untold(bank, fitted, beside) if INERTIA not in known.names else []
+    told = {n: replace(e, std_error=math.nan, grade="not") for n, e in fitted.estimates.items() if _of(n) in untold}
+    return replace(fitted, estimates={**fitted.estimates, **told})
+
+
+def _of(name: str) -> str:
+    """Whose value it is."""
+    return name.partition(".")[0]
+
+
+def _untold(bank: Bank, fitted: Fitted, beside: Terms) -> list[str]:
+    """Inertia and effects whose force has, beside a delay and all others, no part of its own that counts as a force.
+
+    In ramps of u, as of a quasi-static test, J a, dry friction and a delay are each one constant a direction: an
+    inertia is then what small forces make of it, however well the rows agree on it. Where J a is told the rest is.
+    """
+    fit, kept = fitted.fit, bank.equations.kept
+    every = (*fit.terms, *(t for t in beside if t.id not in {own.id for own in fit.terms}))
+    design = bank.design(every, fit.tap)
+    rows = np.stack(design.rows)[:, kept]
+    least = (POLICY.least_unknown * float(np.linalg.norm(rows[0]))) ** 2
+    a, noise = 1 + OF_INERTIA, float(design.noise[OF_INERTIA, OF_INERTIA]) * rows.shape[1]
+    if fitted.model.inertia**2 * (_own(rows, slice(a, a + 1), np.ones(1)) - noise) > least:
+        return []
+    places = {t.id: fit.columns_of(t) for t in fit.terms}
+    at = {name: slice(1 + x.start, 1 + x.stop) for name, x in places.items() if x.stop > x.start}
+    return [INERTIA, *(n for n, x in at.items() if _own(rows, x, fit.total[places[n]]) < least)]
+
+
+def _own(rows: Array, at: slice, weights: Array) -> float:
+    """Squares of what some of the rows, shape (1 + p, N), add up to beside all others (but the first)."""
+    others = np.delete(rows, at, axis=0)[1:]
+    size = np.maximum(np.linalg.norm(others, axis=1, keepdims=True), 1e-300)
+    basis = np.linalg.svd(others / size, full_matrices=False)[2]
+    force = weights @ rows[at]
+    return float(np.sum((force - (basis @ force) @ basis) ** 2))
+
+
+def _without_zero(fitted: Fitted, terms: Terms, known: PriorKnowledge) -> Fitted:
+    """Where nobody knows the zero of the position (it was put together from u and d_hat): a phase over the position,
+    and a constant force beside a spring, are those of an arbitrary zero and have no error; sizes have theirs."""
+    applied = [t for t in terms if t.effect.role is Role.APPLIED]
+    by_place = [t for t in applied if tuple(t.effect.needs) == ("position",)]
+    lost = {f"{t.id}.{p.name}" for t in by_place for p in t.effect.parameters if p.whole_turn}
+    if any(not any(p.whole_turn for p in t.effect.parameters) for t in by_place):
+        constant = (t for t in applied if not (t.effect.needs or t.effect.repeats))
+        lost |= {f"{t.id}.{p.name}" for t in constant for p in t.effect.parameters if not p.listed}
+    lost &= fitted.estimates.keys() - known.fixed.keys()
+    told = {n: replace(fitted.estimates[n], std_error=math.nan, grade="not") for n in lost}
+    return replace(fitted, estimates=fitted.estimates | told)

@@ -194,20 +194,6 @@ def _found_only(estimates: Mapping[str, Estimate], fit: Fit, known: PriorKnowled
     return {**estimates, INERTIA: replace(estimates[INERTIA], std_error=math.nan, grade="not")}
 
 
-def without_zero(fitted: Fitted, terms: Terms, known: PriorKnowledge) -> Fitted:
-    """Where nobody knows the zero of the position (it was put together from u and d_hat): a phase over the position,
-    and a constant force beside a spring, are those of an arbitrary zero and have no error; sizes have theirs."""
-    applied = [t for t in terms if t.effect.role is Role.APPLIED]
-    by_place = [t for t in applied if tuple(t.effect.needs) == ("position",)]
-    lost = {f"{t.id}.{p.name}" for t in by_place for p in t.effect.parameters if p.whole_turn}
-    if any(not any(p.whole_turn for p in t.effect.parameters) for t in by_place):
-        constant = (t for t in applied if not (t.effect.needs or t.effect.repeats))
-        lost |= {f"{t.id}.{p.name}" for t in constant for p in t.effect.parameters if not p.listed}
-    lost &= fitted.estimates.keys() - known.fixed.keys()
-    told = {n: replace(fitted.estimates[n], std_error=math.nan, grade="not") for n in lost}
-    return replace(fitted, estimates=fitted.estimates | told)
-
-
 def _estimate(
     name: str, value: float, error: float, unit: str, at_bound: bool, known: PriorKnowledge, sample_time: float
 ) -> Estimate:

@@ -29,18 +29,20 @@ class Density(NamedTuple):
 
 
 def density(parts: Sequence[Array], segment: int = SEGMENT) -> Density:
-    """Mean periodogram (Welch: Hann, half overlap) of stretches of one signal."""
+    """Mean periodogram (Welch: Hann, half overlap) of stretches of one signal; one shorter than a segment is its own,
+    filled up with zeros: of tests in pieces the short ones are those that accelerate."""
     longest = max(len(x) for x in parts)
     size = max(min(segment, 2 * longest // (FEWEST_SEGMENTS + 1)) // 2 * 2, 8)
-    window = np.hanning(size + 1)[:-1]
-    powers, count = np.zeros(size // 2), 0
+    powers, weight = np.zeros(size // 2), 0.0
     for x in parts:
-        for start in range(0, len(x) - size + 1, size // 2):
-            piece = x[start : start + size]
-            powers += np.abs(np.fft.rfft((piece - piece.mean()) * window)[1:]) ** 2
-            count += 1
+        own = min(size, len(x))
+        window = np.hanning(own + 1)[:-1]
+        for start in range(0, len(x) - own + 1, max(own // 2, 1)):
+            piece = x[start : start + own]
+            powers += np.abs(np.fft.rfft((piece - piece.mean()) * window, size)[1:]) ** 2
+            weight += float(np.sum(window**2))
     angle = 2.0 * np.pi * np.arange(1, size // 2 + 1) / size
-    return Density(angle, powers / max(count, 1) / np.sum(window**2))
+    return Density(angle, powers / max(weight, 1e-300))
 
 
 def bend(angle: Array) -> Array:

@@ -57,7 +57,8 @@ class Evidence:
             tried.add(tap)
             fit = self.solver.fit(terms, tap)
             share = float(fit.total[SHARE])
-            if share > MOST_SHARE and fit.forward[1 + SHARE] == 0.0 and least < most:
+            refused = share > MOST_SHARE and fit.forward[1 + SHARE] == 0.0 and least < most
+            if refused or (tap == most and share > 1.0):
                 return self.solver.fit(terms, tap, whole_steps=True)
             step = math.floor(share) if share > 1.0 else -1 if share == 0.0 else 0
             if inside := step == 0 and fit.inverse:
