@@ -18,6 +18,7 @@ from dsd_cli.design.seen import as_seen, times_white
 from dsd_cli.effects import Role
 from dsd_cli.identify.fit.band import Band, band_of
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, Terms, columns_of, commands, has_friction, inputs_of
+from dsd_cli.identify.fit.direction import held_weight
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.policy import POLICY
@@ -51,7 +52,7 @@ class Model:
 @dataclass(frozen=True, eq=False)
 class Products:
     """Inner products of the rows of a motion under several models, shape (K, P, P), how many rows there are, and the
-    squares of acceleration and u in all of them, not whitened, shape (2,)."""
+    squares of acceleration and of u beside a weight in all of them, not whitened, shape (2,)."""
 
     rows: float
     grams: Array
@@ -105,9 +106,9 @@ class MotionRows:
         return np.asarray(rows @ rows.T)
 
     def moved(self, model: Model) -> Array:
-        """Squares of acceleration and of what the actuator makes of u, shape (2,)."""
+        """Squares of acceleration and of what the actuator makes of u beside a weight, shape (2,)."""
         u = self.equations.commanded(commands(self.equations, inputs_of(model.terms)), model.delay, held=False)
-        return np.array([np.sum(self.equations.acceleration() ** 2), np.sum(u**2)])
+        return np.array([np.sum(self.equations.acceleration() ** 2), np.sum((u - held_weight(self.equations, u)) ** 2)])
 
     def rows(self, model: Model) -> Array:
         """Drive, columns, slopes over shapes; shape (`Model.size`, N)."""

@@ -18,6 +18,7 @@ import numpy as np
 from dsd_cli.effects import Effect, Role, Shape
 from dsd_cli.identify.fit.bank import drive, effect_columns, inputs_of
 from dsd_cli.identify.fit.blocks import Blocks
+from dsd_cli.identify.fit.direction import held_weight
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.noise_fit import sensor_variance, whitening_of
 from dsd_cli.identify.fit.problem import Problem
@@ -84,8 +85,8 @@ class Balance:
         weight or cogging, the acceleration is noise, and any law of u would explain u by itself."""
         # in a crawl cogging makes the inertia of u on the motion large: the smaller of that and the given one counts
         kept, inertia = self.equations.kept, min(self.inertia, self.problem.model.inertia)
-        moved, driven = (float(np.sum(x[kept] ** 2)) for x in (inertia * self.acceleration, self.u))
-        return moved > _ANSWERED**2 * driven
+        driven = self.u[kept] - held_weight(self.equations, self.u)
+        return float(np.sum((inertia * self.acceleration[kept]) ** 2)) > _ANSWERED**2 * float(np.sum(driven**2))
 
     def taken(self, held: Sequence[int]) -> Array:
         """What the motion and the model's own effects of these numbers (0 : J a) take of u, shape (N,)."""

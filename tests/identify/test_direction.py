@@ -266,3 +266,25 @@ def test_noise_that_the_logged_u_alone_has_is_no_force(friction, share):
     else:  # parts are asked in the form of the verdict there as well
         last = improve([noisy], BELIEVED, RIG, asked, choose=lambda one: one.verdict).last
         assert last.probability == pytest.approx(found.probability, abs=0.02)
+
+
+@pytest.mark.parametrize("friction", ["load_friction", "coulomb_friction"])
+@pytest.mark.parametrize("seed", [31, 32])
+def test_what_holds_a_weight_all_along_hides_no_acceleration(friction, seed):
+    """A hoist: J a is a tenth of u and most of what u is beside the weight. Asked by u alone, friction that goes with
+    the load was Coulomb's: the weight is u, and a law of u was not asked."""
+    random, step = np.random.default_rng(seed), 1e-3
+    weight, inertia, share, count = random.uniform(8, 20), random.uniform(0.02, 0.05), random.uniform(0.05, 0.15), 3e-4
+    lines = [(f, random.uniform(0.5, 1.5) * weight / inertia * 0.05, random.uniform(0, 6)) for f in (0.4, 1.1, 1.9)]
+    t = np.arange(0.0, 8.0, step)
+    position = sum(-a * np.sin(2 * math.pi * f * t + p) / (2 * math.pi * f) ** 2 for f, a, p in lines)
+    middle = t + 0.5 * step  # u of a sample acts until the next one
+    velocity = sum(-a * np.cos(2 * math.pi * f * middle + p) / (2 * math.pi * f) for f, a, p in lines)
+    carried = weight + inertia * sum(a * np.sin(2 * math.pi * f * middle + p) for f, a, p in lines)
+    dry = {"load_friction": carried / (1.0 - share * np.sign(velocity)), "coulomb_friction": carried}
+    u = dry[friction] + (friction == "coulomb_friction") * share * weight * np.sign(velocity)
+    log = Log({"u": u, "position": np.round(position / count) * count}, step, "log.csv")
+    observer, asked = ObserverSettings(inertia, 0.02), ("constant_load", "coulomb_friction", "load_friction")
+    found = diagnose([prepare(log, observer)], PlantModel(1.1 * inertia), observer, Settings(effects=asked))
+    assert set(found.found) == {"constant_load", friction}
+    assert found.estimates["inertia"].value == pytest.approx(inertia, rel=0.02)

@@ -17,6 +17,7 @@ import numpy as np
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import INERTIA, Bank, Terms
 from dsd_cli.identify.fit.blocks import total_gram, without_noise
+from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.policy import POLICY
@@ -55,10 +56,19 @@ def tells_by_motion(bank: Bank, tap: int, inertia: float) -> bool:
 
 
 def moved_by(bank: Bank, tap: int) -> Array:
-    """Squares of a and of u in the rows, without the sensor's noise, shape (2,)."""
+    """Squares of a, without the sensor's noise, and of u beside a weight that it holds, in the rows, shape (2,)."""
     design = bank.design((), tap)
     gram = without_noise(total_gram(design.rows), design.noise, len(design.rows[0]))
-    return np.array([gram[1 + INERTIA, 1 + INERTIA], gram[0, 0]])
+    u = design.rows[0]
+    return np.array([gram[1 + INERTIA, 1 + INERTIA], np.sum((u - held_weight(bank.equations, u)) ** 2)])
+
+
+def held_weight(equations: Equations, u: Array) -> float:
+    """What u, rows of shape (N,), has in both directions alike: a weight, which hides no acceleration, however large.
+    Of a motion in one direction dry friction is as constant, and a law of u would explain u by itself: 0."""
+    signs = equations.acting([s.sign for s in equations.stretches], smooth=False, held=True)
+    ways = [u[equations.kept & (way * signs > 0.0)] for way in (1.0, -1.0)]
+    return 0.5 * sum(float(x.mean()) for x in ways) if all(map(len, ways)) else 0.0
 
 
 def drowns(moved: Array, fitted: float, inertia: float) -> bool:

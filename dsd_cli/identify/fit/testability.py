@@ -139,14 +139,14 @@ def _moves(equations: Equations) -> bool:
 
 
 def told_by(bank: Bank, fitted: Fitted, beside: Terms, known: PriorKnowledge, *, zero: bool) -> Fitted:
-    """Values without the error of those that the rows do not tell, whatever they scatter by.
+    """Values without the error of those that the rows do not identify, whatever they scatter by.
 
     bank : of rows in the unit of u. beside : effects that the log may hold as well. zero : whether that of the position
     is known.
     """
     fitted = fitted if zero else _without_zero(fitted, fitted.fit.terms, known)
-    untold = _untold(bank, fitted, beside) if INERTIA not in known.names else []
-    told = {n: replace(e, std_error=math.nan, grade="not") for n, e in fitted.estimates.items() if _of(n) in untold}
+    open_ = _not_identified(bank, fitted, beside) if INERTIA not in known.names else []
+    told = {n: replace(e, std_error=math.nan, grade="not") for n, e in fitted.estimates.items() if _of(n) in open_}
     return replace(fitted, estimates={**fitted.estimates, **told})
 
 
@@ -155,11 +155,11 @@ def _of(name: str) -> str:
     return name.partition(".")[0]
 
 
-def _untold(bank: Bank, fitted: Fitted, beside: Terms) -> list[str]:
+def _not_identified(bank: Bank, fitted: Fitted, beside: Terms) -> list[str]:
     """Inertia and effects whose force has, beside a delay and all others, no part of its own that counts as a force.
 
     In ramps of u, as of a quasi-static test, J a, dry friction and a delay are each one constant a direction: an
-    inertia is then what small forces make of it, however well the rows agree on it. Where J a is told the rest is.
+    inertia is then what small forces make of it, however well rows agree on it. Where J a is identified so is the rest.
     """
     fit, kept = fitted.fit, bank.equations.kept
     every = (*fit.terms, *(t for t in beside if t.id not in {own.id for own in fit.terms}))
