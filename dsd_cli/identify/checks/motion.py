@@ -11,12 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
 
 from dsd_cli.identify.checks.balance import orthonormal, without
 from dsd_cli.identify.checks.band import difference
 from dsd_cli.identify.checks.stretches import LowPass, Stretch
 from dsd_cli.identify.checks.view import View
+from dsd_cli.identify.search.modes import smooth_size
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, Log
@@ -78,8 +78,8 @@ def _lag(first: Array, then: Array, most: int) -> int:
     """Samples by which one channel follows another, 0 to `most`."""
     middle, n = first.mean(), first.size
     first, then = first - middle, then - middle  # or the squares of a position far from 0 round off their difference
-    size = next_fast_len(n + most, real=True)
-    products = irfft(rfft(first, size).conj() * rfft(then, size), size)[: most + 1]
+    size = smooth_size(n + most)
+    products = np.fft.irfft(np.fft.rfft(first, size).conj() * np.fft.rfft(then, size), size)[: most + 1]
     head = np.cumsum(first**2)[n - most - 1 :][::-1]
     tail = np.cumsum(then[::-1] ** 2)[n - most - 1 :][::-1]
     return int(np.argmin((head + tail - 2.0 * products) / np.arange(n, n - most - 1, -1)))

@@ -22,6 +22,7 @@ from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.sensor import rate
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.student import NORMAL, student_quantile
 
 #: Relative step of numerical derivatives.
 STEP = 1e-4
@@ -141,9 +142,7 @@ def _scaled(normal: Array) -> tuple[Array, Array]:
 def _wider(telling: Array) -> Array:
     """By how much 95 % of Student's t reach further, with so many blocks that identify a value, than of the normal
     distribution, shape (q,)."""
-    from scipy.special import ndtri, stdtrit
-
-    return np.asarray(stdtrit(np.maximum(telling - 1.0, _FEWEST), 0.975) / ndtri(0.975))
+    return student_quantile(np.maximum(telling - 1.0, _FEWEST)) / NORMAL
 
 
 def _free(held: Array, size: int) -> Array:

@@ -147,9 +147,7 @@ def _parts(recordings: Sequence[Recording], inertia: float) -> Iterator[tuple[Un
 
 def _despiked(recording: Recording, samples: int) -> Recording:
     """With the median of u over so many samples in its place; the same one where that takes no spikes off."""
-    from scipy.ndimage import median_filter
-
-    smooth = [median_filter(p["u"], samples, mode="nearest") for p in recording.pieces]
+    smooth = [_median(_beside(p["u"], samples // 2)) for p in recording.pieces]
     off = np.concatenate([p["u"] - m for p, m in zip(recording.pieces, smooth, strict=True)])
     if float(np.max(np.abs(off))) < _CREST * float(np.std(off)):
         return recording
@@ -181,15 +179,24 @@ def _with_u(recording: Recording, u: Sequence[Array], kind: str) -> Recording:
 
 def _unanswered(u: Array, force: Array, step: float) -> list[float]:
     """Hz of the lines of u, largest first, at which `force`, J times the acceleration, is far too small."""
-    from scipy.ndimage import maximum_filter1d, median_filter
-
     window = np.hanning(u.size)
     drive, answer = (np.abs(np.fft.rfft((x - x.mean()) * window)) for x in (u, force))
-    beside = np.sqrt(median_filter(drive**2, 2 * _BESIDE + 1, mode="nearest"))
-    peaks = (drive == maximum_filter1d(drive, 2 * _WIDTH + 1)) & (drive > math.sqrt(_LINE) * beside)
-    at = np.flatnonzero(peaks & (maximum_filter1d(answer, 2 * _WIDTH + 1) < _UNANSWERED * drive))
+    highest, answered = (_beside(x, _WIDTH).max(axis=1) for x in (drive, answer))
+    at = np.flatnonzero((drive == highest) & (answered < _UNANSWERED * drive))
+    at = at[drive[at] > math.sqrt(_LINE) * _median(_beside(drive, _BESIDE)[at])]
     at = at[np.argsort(-drive[at])][:_MOST_LINES]
     return [float(k) / (u.size * step) for k in at]
+
+
+def _beside(x: Array, reach: int) -> Array:
+    """Each value and those so far to either side, shape (n, 2 reach + 1), a view; the ends go on as they are."""
+    return np.lib.stride_tricks.sliding_window_view(np.pad(x, reach, mode="edge"), 2 * reach + 1)
+
+
+def _median(rows: Array) -> Array:
+    """Of each row of an odd number of values, shape (n,)."""
+    middle = rows.shape[1] // 2
+    return np.asarray(np.partition(rows, middle, axis=1)[:, middle])
 
 
 def _end_of(velocity: Array, step: float) -> float:
