@@ -16,10 +16,10 @@ from dsd_cli.identify.checks.balance import orthonormal, without
 from dsd_cli.identify.checks.band import difference
 from dsd_cli.identify.checks.stretches import LowPass, Stretch
 from dsd_cli.identify.checks.view import View
-from dsd_cli.identify.search.modes import smooth_size
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.windows import smooth_size
 
 #: An axis follows its reference within this, s.
 _FOLLOWS = 0.25

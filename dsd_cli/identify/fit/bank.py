@@ -37,7 +37,7 @@ class Term:
         """The shape parameters by name."""
         return dict(self.items)
 
-    @property
+    @cached_property
     def effect(self) -> Effect:
         """The effect itself."""
         return get_effect(self.id)

@@ -245,7 +245,8 @@ def _signed(stack: Array, target: int, signs: Sequence[int]) -> tuple[Array, Arr
     others = [i for i in range(stack.shape[1]) if i != target]
     free, total, returned = list(range(len(others))), stack[0], set[int]()
     size = np.sqrt(np.maximum(total.diagonal()[others], 1e-300))
-    normal, right, scale = normal_equations(stack[np.ix_(range(len(stack)), [target, *others], [target, *others])])
+    order = np.array([target, *others])
+    normal, right, scale = normal_equations(stack[:, order[:, None], order] if target else stack)
 
     def fits(count: int) -> Array:
         at = np.array(free, dtype=np.intp)

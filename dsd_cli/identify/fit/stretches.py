@@ -180,7 +180,9 @@ class Stretch:
         if smooth:
             ends = np.concatenate([x[:1], x, x[-1:], x[-1:]])
             return np.convolve(ends, MEAN_OF_FOUR[::-1], mode="valid") * self.clear
-        return 0.5 * (x + np.append(x[1:], x[-1])) * self.clear
+        found = x + x
+        found[:-1] = x[:-1] + x[1:]
+        return np.asarray(0.5 * found * self.clear)
 
 
 def stretch_of(log: Log, recording: Recording, owner: int) -> Stretch:

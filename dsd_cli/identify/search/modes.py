@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from dsd_cli.identify.search.signals import Signals, coefficients, left
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.windows import smooth_size
 
 _Spectrum = NDArray[np.complex128]
 #: Ratio from one frequency to the next that is tried, and damping ratios of the mode.
@@ -129,18 +130,6 @@ class Modes:
             if done:
                 break
         return at
-
-
-def smooth_size(least: int) -> int:
-    """The least even length of 2^a 3^b 5^c, from there on, over which a fast Fourier transform is fast."""
-    power = 1 << max(least - 1, 1).bit_length()
-    found = [power]
-    for odd in (3, 5, 9, 15, 25, 27, 45, 75, 81, 125, 135, 225, 243):
-        size = 2 * odd
-        while size < least:
-            size *= 2
-        found.append(size)
-    return min(found)
 
 
 def _lag(time: float) -> Callable[[Array], Array]:

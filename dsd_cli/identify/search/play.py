@@ -37,6 +37,8 @@ _EDGES, _WIDE = (0.25, 0.25, 0.4), (0.3, 0.1, 0.6)
 _NEARLY = 0.2
 #: Evaluations for a start, for all of its values, and for the best one.
 _EVALUATIONS, _TOGETHER, _LAST = 80, 100, 200
+#: Share of its squares that a step must take off, for the best one and where others follow.
+_FOUND, _NEARLY_FOUND = 1e-8, 1e-5
 #: Step of its derivatives, as a share of those, and where its unknowns begin.
 _SHARE_OF_SCALE, _FAR = 0.01, 100.0
 #: Which of the values is the delay.
@@ -84,18 +86,17 @@ class Play:
         return self.fitted(found[int(np.argmin(squares))], _LAST, _FINE), near
 
     def fitted(self, at: Array, evaluations: int = _LAST, step: float = _FINE) -> Array:
-        """All values from there on, by Levenberg and Marquardt's method, shape (5 + p,)."""
+        """All values from there on, by Levenberg and Marquardt's method, shape (5 + p,); to all digits the best one."""
         from scipy.optimize import least_squares
 
+        limits = {"max_nfev": evaluations, "ftol": _FOUND if step == _FINE else _NEARLY_FOUND}
         scales = np.concatenate([_SCALES, np.full(len(self._units), _SCALE_OF_FORCES)])
 
         def left(x: Array) -> Array:
             return self.left(at + scales * (x - _FAR), step)
 
         with np.errstate(all="ignore"):  # steps are shares of x, which is far from 0 for that
-            found = least_squares(
-                left, np.full(len(at), _FAR), method="lm", diff_step=_SHARE_OF_SCALE / _FAR, max_nfev=evaluations
-            )
+            found = least_squares(left, np.full(len(at), _FAR), method="lm", diff_step=_SHARE_OF_SCALE / _FAR, **limits)
         return np.asarray(at + scales * (found.x - _FAR))
 
     def left(self, at: Array, step: float = _FINE) -> Array:

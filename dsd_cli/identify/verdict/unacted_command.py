@@ -22,6 +22,7 @@ from dsd_cli.identify.search.response import response_of
 from dsd_cli.identify.search.seen import Seen
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array, with_channels
+from dsd_cli.signals.windows import beside, median
 
 #: Samples over which the median of u is taken: single wrong ones, and runs of ten that a slower logger holds.
 _MEDIANS = (3, 21)
@@ -147,7 +148,7 @@ def _parts(recordings: Sequence[Recording], inertia: float) -> Iterator[tuple[Un
 
 def _despiked(recording: Recording, samples: int) -> Recording:
     """With the median of u over so many samples in its place; the same one where that takes no spikes off."""
-    smooth = [_median(_beside(p["u"], samples // 2)) for p in recording.pieces]
+    smooth = [median(beside(p["u"], samples // 2)) for p in recording.pieces]
     off = np.concatenate([p["u"] - m for p, m in zip(recording.pieces, smooth, strict=True)])
     if float(np.max(np.abs(off))) < _CREST * float(np.std(off)):
         return recording
@@ -181,22 +182,11 @@ def _unanswered(u: Array, force: Array, step: float) -> list[float]:
     """Hz of the lines of u, largest first, at which `force`, J times the acceleration, is far too small."""
     window = np.hanning(u.size)
     drive, answer = (np.abs(np.fft.rfft((x - x.mean()) * window)) for x in (u, force))
-    highest, answered = (_beside(x, _WIDTH).max(axis=1) for x in (drive, answer))
+    highest, answered = (beside(x, _WIDTH).max(axis=1) for x in (drive, answer))
     at = np.flatnonzero((drive == highest) & (answered < _UNANSWERED * drive))
-    at = at[drive[at] > math.sqrt(_LINE) * _median(_beside(drive, _BESIDE)[at])]
+    at = at[drive[at] > math.sqrt(_LINE) * median(beside(drive, _BESIDE)[at])]
     at = at[np.argsort(-drive[at])][:_MOST_LINES]
     return [float(k) / (u.size * step) for k in at]
-
-
-def _beside(x: Array, reach: int) -> Array:
-    """Each value and those so far to either side, shape (n, 2 reach + 1), a view; the ends go on as they are."""
-    return np.lib.stride_tricks.sliding_window_view(np.pad(x, reach, mode="edge"), 2 * reach + 1)
-
-
-def _median(rows: Array) -> Array:
-    """Of each row of an odd number of values, shape (n,)."""
-    middle = rows.shape[1] // 2
-    return np.asarray(np.partition(rows, middle, axis=1)[:, middle])
 
 
 def _end_of(velocity: Array, step: float) -> float:
