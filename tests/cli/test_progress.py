@@ -70,7 +70,7 @@ def test_what_takes_long_says_how_long(rig, arguments, line):
 
 
 def test_rows_of_a_log_with_rate_and_time_left(rig, tmp_path):
-    """A text of a million rows and more; Ctrl-C before its end. The compiled kernel may be there before anything is drawn."""
+    """A text of a million rows; Ctrl-C before its end. The compiled kernel may be there before anything is drawn."""
     write(tmp_path, "one.csv", make_log(20_000))
     header, body = (tmp_path / "one.csv").read_text().split("\n", 1)
     (tmp_path / "log.csv").write_text(header + "\n" + body * 60)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.rig import done
+from tests.cli.rig import FEW, done
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
 LOG, KNOWN, BARE = "servo-friction.csv", "servo-friction.toml", "servo-bare.toml"
@@ -43,7 +43,7 @@ def test_nothing_is_added_in_place_of_a_value_that_was_told_wrongly(config, told
 def test_a_prior_that_gives_way_leaves_the_verdict_alone():
     """And the error of the last rung is that of the verdict: beside a prior every step is fitted anew."""
     bare = ("--set", "model.effects.viscous_friction.coefficient=0.02", "--prior", "inertia=0.012+-0.0002")
-    found, words = improved(*bare, "--to", "1.2")
+    found, words = improved(*bare, "--to", "1.2", effects=FEW)
     assert found["verdict"] == "none"
     assert found["probability"] > 0.5
     assert "against the prior of inertia, which gave way" in found["verdict_text"]
@@ -64,7 +64,9 @@ def test_what_is_told_rightly_changes_no_verdict():
 
 def test_parts_of_the_data_confirm_nothing_that_was_told_for_all_of_them():
     """They are not asked where the verdict is in doubt without them; that it is, is what matters."""
-    made = done("diagnose", LOG, "-c", BARE, "--bounds", "viscous_friction.coefficient=0.02:0.05", cwd=SAMPLES)
+    made = done(
+        "diagnose", LOG, "-c", BARE, "--bounds", "viscous_friction.coefficient=0.02:0.05", cwd=SAMPLES, effects=FEW
+    )
     lines = [row for row in made.stdout.splitlines() if row.startswith("the same with")]
     assert all(row.endswith("as given: no confirmation of that") for row in lines)
     verdict = made.stdout.splitlines()[0]
@@ -80,7 +82,7 @@ def test_parts_of_the_data_confirm_nothing_that_was_told_for_all_of_them():
 )
 def test_a_bound_that_the_truth_is_beyond_is_no_prior_that_gave_way(told, value, bound):
     """The verdict was 95 and 98 % sure; drag is missing as well, so that the log alone is two sigma off only."""
-    made = done("diagnose", LOG, "-c", BARE, "--bounds", told, "--format", "json", cwd=SAMPLES)
+    made = done("diagnose", LOG, "-c", BARE, "--bounds", told, "--format", "json", cwd=SAMPLES, effects=FEW)
     found = json.loads(made.stdout)
     assert found["probability"] <= 0.5
     assert f"contradicts the given values of {value}: look at that first" in found["verdict_text"]

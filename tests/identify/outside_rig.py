@@ -23,8 +23,14 @@ def asked(log: RigLog, channels: Mapping[str, Array] | None = None) -> Asked:
     return prepare(Log(there, step, "log.csv"), observer), model, observer
 
 
-def diagnosed(what: tuple[str, ...], seed: int, sensing: str = "speed40k", duration: float = 20.0) -> Diagnosis:
-    """What is said of the log of one case."""
+def diagnosed(
+    what: tuple[str, ...],
+    seed: int,
+    sensing: str = "speed40k",
+    duration: float = 20.0,
+    effects: tuple[str, ...] | None = None,
+) -> Diagnosis:
+    """What is said of the log of one case; `effects` are all that is looked for, where not the whole catalogue is."""
     (log,) = make([RigCase(what=what, seed=seed, sensing=sensing, duration=duration)])
     recording, model, observer = asked(log)
-    return diagnose([recording], model, observer, Settings())
+    return diagnose([recording], model, observer, Settings(effects))

@@ -21,6 +21,10 @@ from tests.oracle.machine_cases import cases
 from tests.oracle.machines import run
 from tests.oracle.rig import RigCase, make
 
+FRICTION = (
+    *("coulomb_friction", "viscous_friction", "stribeck_friction", "presliding_friction", "load_friction"),
+    *("viscous_asymmetry", "quadratic_drag"),
+)
 CANDIDATES = ("coulomb_friction", "viscous_friction", "gravity", "stiffness", "constant_load", "viscous_asymmetry")
 FEW = Settings(effects=CANDIDATES)
 
@@ -64,7 +68,7 @@ def test_what_the_set_has_is_named_first_if_it_lowers_the_error_of_the_model_as_
     could not be added by itself, and the ladder went on without it (viscous friction, then "unknown")."""
     (log,) = make([RigCase(what=("coulomb_friction", "stribeck_friction"), seed=64330, sensing="speed40k")])
     recording, model, observer = asked(log)
-    found = improve([recording], model, observer, choose=lambda d: d.verdict)
+    found = improve([recording], model, observer, Settings(FRICTION), choose=lambda d: d.verdict)
     assert {step.effect for step in found.steps[1:]} == {"coulomb_friction", "stribeck_friction"}
     assert found.verdict == NONE
 
@@ -73,7 +77,8 @@ def test_effects_that_lower_the_error_only_together_are_added_one_by_one():
     """Alone, each makes inertia and delay worse than the model has them: the ladder ended without either."""
     (log,) = make([RigCase(what=("cogging", "coulomb_friction"), seed=64331, sensing="speed40k")])
     recording, model, observer = asked(log)
-    found = improve([recording], model, observer, choose=lambda d: d.verdict)
+    settings = Settings((*CANDIDATES, "cogging"))
+    found = improve([recording], model, observer, settings, choose=lambda d: d.verdict)
     assert {step.effect for step in found.steps[1:]} - {"refit"} == {"cogging", "coulomb_friction"}
     assert found.verdict == NONE
     assert all(b.score.heldout_rmse < a.score.heldout_rmse for a, b in pairwise(found.steps))

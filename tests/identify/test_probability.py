@@ -29,8 +29,11 @@ STEP, INERTIA, LEVEL = 0.002, 0.05, 0.4
 #: Hz, rad/s, rad: what sixteen sines do no line in time can do for them; what two do one line and a stiffness can.
 MANY = [(f, 1.5 / (1.0 + f), 2.0 * f**2) for f in np.random.default_rng(8).uniform(0.2, 3.0, 16).tolist()]
 FEW = [(0.5, 2.0, 0.3), (1.7, 0.8, 1.0)]
-
-
+#: What dry friction, a line in time and a stiffness can be taken for.
+LIKELY = (
+    *("coulomb_friction", "viscous_friction", "presliding_friction", "stribeck_friction", "load_friction"),
+    *("periodic_disturbance", "stiffness", "gravity"),
+)
 OF_SPEED = ("coulomb_friction", "viscous_friction", "quadratic_drag", "viscous_asymmetry")
 
 
@@ -55,9 +58,8 @@ def friction_over(
         "position": position + 1e-5 * random.normal(size=t.size),
     }
     observer = ObserverSettings(INERTIA, 0.02)
-    asked = Settings(effects=OF_SPEED) if beside else Settings()
-    recordings = [prepare(Log(channels, STEP, "log.csv"), observer)]
-    found = diagnose(recordings, PlantModel(INERTIA, 0.0, {}), observer, settings=asked)
+    recording, model = prepare(Log(channels, STEP, "log.csv"), observer), PlantModel(INERTIA, 0.0, {})
+    found = diagnose([recording], model, observer, Settings(OF_SPEED if beside else LIKELY))
     return found.verdict, found.probability, {one.effect: one.probability for one in found.missing}
 
 

@@ -37,6 +37,13 @@ from tests.oracle.machine_cases import cases
 from tests.oracle.rig import Exact, RigCase, RigLog, make_exact
 
 LOADS = ("flexible_coupling", "backlash")
+#: Loads, what is hidden beside them or in their place, and what stands in for them most often.
+LIKELY = Settings(
+    (
+        *(*LOADS, "coulomb_friction", "viscous_friction", "stribeck_friction", "stiffness", "actuator_lag"),
+        *("saturation", "periodic_disturbance"),
+    )
+)
 
 
 @cache
@@ -67,7 +74,7 @@ class Axis:
         return self.response(doubtful).seen
 
     def diagnosed(self):
-        return diagnose([self.recording], self.model, self.observer)
+        return diagnose([self.recording], self.model, self.observer, LIKELY)
 
 
 @pytest.fixture(scope="module")

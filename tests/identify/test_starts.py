@@ -7,7 +7,7 @@ import pytest
 
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.search.starts import LINES, Lines, _peaks, starts
-from dsd_cli.identify.verdict.diagnose import diagnose
+from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.signals.log import with_channels
 from tests.identify.outside_rig import asked
 from tests.identify.search_rig import MOVES, posed
@@ -95,6 +95,7 @@ def test_a_limit_among_spikes_is_found(seed, sensing, duration):
     (log,) = make([RigCase(what=("saturation",), seed=seed, sensing=sensing, duration=duration)])
     limit = log.truth["effects"]["saturation"]["limit"]
     recording, model, observer = asked(log)
-    found = diagnose([recording], model, observer)
+    rivals = ("actuator_lag", "dead_zone", "load_friction", "viscous_friction", "coulomb_friction")
+    found = diagnose([recording], model, observer, Settings(("saturation", *rivals)))
     assert found.verdict == "saturation"
     assert found.ranking[0].parameters["limit"].value == pytest.approx(limit, rel=0.02)
