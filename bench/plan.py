@@ -16,6 +16,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -206,7 +207,8 @@ def _anew(search: Search, whole: Any, known: Any) -> Any:
 
 
 def kept(case: RigCase, kind: str) -> Row | None:
-    """How often plans of one log break a limit on the rig: what is open, in shorter, longer, narrower ones."""
+    """How often plans of one log break a limit on the rig: what is open, in shorter, longer, narrower ones. What is
+    expected of them, of one plant: nobody asks for it."""
     if (known := opened(case, kind)) is None:
         return None
     machine, _, said = known
@@ -219,7 +221,8 @@ def kept(case: RigCase, kind: str) -> Row | None:
     row: Row = {"what": case.what[0], "seed": case.seed, "kind": kind, "plans": 0, "broken": [], "refused": 0}
     for k, wanted in enumerate(asked):
         try:
-            plan = plan_next(*machine.kept[-1], said, machine.observer, wanted)
+            with patch("dsd_cli.design.plan._DRAWS_SAID", 1):
+                plan = plan_next(*machine.kept[-1], said, machine.observer, wanted)
         except DsdError:
             row["refused"] += 1
             continue

@@ -58,7 +58,9 @@ def able_to_move(
     able = [moves(e, reached) for e in targets.explanations]
     if not able[0] and targets.unknown:
         first = replace(targets.explanations[0], draws=(believed,), weak=False)
-        targets = replace(targets, explanations=(first, *targets.explanations[1:]), believed=believed)
+        targets = replace(
+            targets, explanations=(first, *targets.explanations[1:]), beside=(believed, *targets.beside[1:])
+        )
         able[0] = moves(first, reached)
     if not moves(targets.explanations[0], allowed):
         said = f"u within {allowed:.3g}, its limit less its noise in the logs, does not move this axis"

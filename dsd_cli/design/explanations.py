@@ -114,14 +114,37 @@ def held(
     unexplained : share of u that what was found leaves beyond the noise. This one lacks that, and what was found; a
     sine goes as far as the root of 2 times its rms.
     """
-    errors = search.problem.errors
-    left = errors.rows_of_model(one.fitted)
-    beside = max(float(np.var(left)) - errors.rmse(found) ** 2 + (unexplained * errors.force) ** 2, 0.0)
-    lacks = -float(np.mean(left))
-    most = max(_WIDEST * abs(lacks), math.sqrt(2.0 * beside))
+    lacks, beside = _lacking(search, one.fitted, found, unexplained)
+    most = max(_WIDEST * abs(lacks), math.sqrt(2.0) * beside)
     forces = [lacks, *np.linspace(lacks - most, lacks + most, len(one.draws) - 1).tolist()]
     first = replace(one, draws=tuple(_pushed(plant, x) for plant, x in zip(one.draws, forces, strict=True)))
     return first, _waved(first.fitted, most, search.ranges.travel, start)
+
+
+def falling(search: Search, found: Fit, unexplained: float) -> tuple[PlantModel, ...]:
+    """The model with what it lacks in the logs as friction that is gone beyond their top speed: they say nothing of
+    faster motions, and nothing holds one back that is driven on there. A load that they moved one way may be that."""
+    frictions = (e for e in catalogue().values() if e.role is Role.FRICTION)
+    one = next(e for e in frictions if [p.name for p in e.parameters if not p.linear] == ["velocity"])
+    bare, top = next(draws_of(search, search.refit, doubtful=True, own=())), search.ranges.top_speed
+    if one.id in bare.effects or not top > 0.0:
+        return ()
+    values = {
+        p.name: math.hypot(*_lacking(search, bare, found, unexplained)) if p.linear else top for p in one.parameters
+    }
+    return (replace(bare, effects={**bare.effects, one.id: values}),)
+
+
+def _lacking(search: Search, plant: PlantModel, found: Fit, unexplained: float) -> tuple[float, float]:
+    """(mean force that a plant lacks in the logs, rms of the rest of it beyond the noise), while the axis is free:
+    friction that holds it takes any force."""
+    errors = search.problem.errors
+    left = errors.rows_of_model(plant)
+    free = errors.rows_of_model(_pushed(plant, 1.0)) - left
+    size = float(free @ free) / len(free)
+    mean = -float(free @ left) / (size * len(free))
+    beside = float(np.mean((left + mean * free) ** 2)) - errors.rmse(found) ** 2 + (unexplained * errors.force) ** 2
+    return mean, math.sqrt(max(beside, 0.0) / size)
 
 
 def _pushed(plant: PlantModel, force: float) -> PlantModel:

@@ -24,16 +24,22 @@ from dsd_cli.identify.search.long_logs import Task, searched_with
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel
 
+#: Explanations, from which on each has fewer plants: the search in a log of each takes the most time of all.
+_TRUTHS = 2
+
 
 def expected_of(measure: Measure, paths: Mapping[int, Path], most: float, draws: int) -> Expected:
-    """Of the pairs and values of a measure, by the logs and the one of a motion: the mean over so many plants each.
+    """Of the pairs and values of a measure, by the logs and the one of a motion: the mean over so many plants each, over
+    fewer of more explanations than two.
 
     paths : explanation -> the path that its plant takes; that of the first (0) where there is none. most : largest |u|.
     """
     nats: dict[tuple[int, int], list[float]] = {}
     of_use: dict[tuple[int, int], list[float]] = {}
     errors: dict[str, list[float]] = {value.name: [] for value in measure.targets.values}
-    for truth, rivals in _shapes(measure).items():
+    truths = _shapes(measure)
+    draws = max(min(draws, _TRUTHS * draws // max(len(truths), 1)), 1)
+    for truth, rivals in truths.items():
         for draw, plant in enumerate(measure.targets.explanations[truth].draws[:draws]):
             search, right = _searched(measure.search, plant, paths.get(truth, paths[0]), most, draw)
             for rival, shapes in rivals.items():

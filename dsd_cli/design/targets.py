@@ -8,7 +8,7 @@ from itertools import combinations
 
 import numpy as np
 
-from dsd_cli.design.explanations import Explanation, Value, draws_of, explanation_of, held, values_of
+from dsd_cli.design.explanations import Explanation, Value, draws_of, explanation_of, falling, held, values_of
 from dsd_cli.effects import Role, find_effect, get_effect
 from dsd_cli.errors import UsageError
 from dsd_cli.identify.fit.solve import Fit
@@ -29,14 +29,15 @@ _AS_GOOD = 3
 
 @dataclass(frozen=True)
 class Targets:
-    """explanations : each once; believed : the first with what the logs say little of, and the delay, as the model has
-    it; with unknown, what that lacks as a wave over the place. pairs : of their places, to be distinguished. values :
-    of the first explanation. asked : names that the user gave. unknown : the motion is for the whole catalogue.
+    """explanations : each once; beside : plants that keep the limits, too: the first with what the logs say little of,
+    and the delay, as the model has it (with unknown, what that lacks as a wave over the place), and the model with
+    friction that is gone beyond the speeds of the logs. pairs : of their places, to be distinguished. values : of the
+    first explanation. asked : names that the user gave. unknown : the motion is for the whole catalogue.
     doubtful : what is missing may be none of the explanations, so that more of them are there to keep the limits.
     doubt : probability that what the logs leave beyond the noise is a force."""
 
     explanations: tuple[Explanation, ...]
-    believed: PlantModel
+    beside: tuple[PlantModel, ...]
     pairs: tuple[tuple[int, int], ...]
     values: tuple[Value, ...]
     asked: tuple[str, ...] = ()
@@ -82,14 +83,16 @@ def targets_of(
     apart_from = [*pairs, *((name, NONE) for name in as_good)]
     own, left = {name: _own(name, apart_from) for name in names}, diagnosis.unexplained if diagnosis else Unexplained()
     explanations = tuple(explanation_of(search, name, made.fits[name], doubtful, own[name]) for name in names)
+    unexplained = float(np.nan_to_num(left.share_of_u))
+    gone = falling(search, whole, unexplained)
     if unknown:  # none of them stands: the limits are kept under each, and the motion is for the whole catalogue
-        first, wave = held(search, explanations[0], whole, float(np.nan_to_num(left.share_of_u)), start)
-        return Targets((first, *explanations[1:]), wave, (), (), unknown=True, doubtful=True)
+        first, wave = held(search, explanations[0], whole, unexplained, start)
+        return Targets((first, *explanations[1:]), (wave, *gone), (), (), unknown=True, doubtful=True)
     places = tuple((names.index(a), names.index(b)) for a, b in pairs)
     values = [n for n in wanted if n in flat(explanations[0].fitted)] if wanted else None
     doubt, found = float(np.fmin(left.probability, 1.0)), values_of(search, explanations[0], values)
     believed = next(draws_of(search, made.fits[names[0]], doubtful=True, own=own[names[0]]))
-    return Targets(explanations, believed, places, found, tuple(wanted), doubtful=doubtful, doubt=doubt)
+    return Targets(explanations, (believed, *gone), places, found, tuple(wanted), doubtful=doubtful, doubt=doubt)
 
 
 def _own(name: str, pairs: Sequence[tuple[str, str]]) -> set[str]:

@@ -166,12 +166,12 @@ def test_a_force_that_nobody_named_may_be_elsewhere_what_it_was_for_a_moment(tie
     assert min(forces) == pytest.approx(-0.2, rel=0.4)
     assert max(forces) == pytest.approx(0.2, rel=0.4)
     # over the place: half a wave as long as the log's way, and u has to hold the axis back on either side of the start
-    wave, way = targets.believed.effects["cogging"], float(np.ptp(log.pieces[0]["position"]))
+    wave, way = targets.beside[0].effects["cogging"], float(np.ptp(log.pieces[0]["position"]))
     assert wave["amplitude"] == pytest.approx(0.2, rel=0.4)
     assert wave["periods"] * way == pytest.approx(math.pi)
     for side in (-1.0, 0.0, 1.0):
         still = Path(0.01, np.full(3, 0.3 + 0.5 * side * way), np.zeros(3), np.zeros(3))
-        u = command_for(targets.believed, still) - command_for(targets.explanations[0].fitted, still)
+        u = command_for(targets.beside[0], still) - command_for(targets.explanations[0].fitted, still)
         assert u == pytest.approx(np.full(3, -side * wave["amplitude"]), abs=1e-9)
 
 
@@ -299,7 +299,7 @@ def test_limits_below_what_breaks_friction_away_are_refused() -> None:
     """The log reached twice the u of these limits, so that an effect that needs more than they allow is there yet."""
     asked = poor("stribeck_friction", "short", 117058, "speed40k")
     assert asked.diagnosis.verdict == "stribeck_friction"
-    with pytest.raises(TooNarrowError, match="does not break friction away"):
+    with pytest.raises(TooNarrowError, match="widen"):
         asked.plan(limits={name: (0.5 * low, 0.5 * high) for name, (low, high) in asked.limits.items()})
 
 
