@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.design.rows import Model, shapes_of
-from dsd_cli.effects import Role, catalogue, get_effect
+from dsd_cli.effects import Effect, Role, catalogue, get_effect
 from dsd_cli.identify.fit.bank import FIXED, SHARE
 from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
 from dsd_cli.identify.fit.covariance import root_of
@@ -121,18 +121,20 @@ def held(
     return first, _waved(first.fitted, most, search.ranges.travel, start)
 
 
-def falling(search: Search, found: Fit, unexplained: float) -> tuple[PlantModel, ...]:
-    """The model with what it lacks in the logs as friction that is gone beyond their top speed: they say nothing of
-    faster motions, and nothing holds one back that is driven on there. A load that they moved one way may be that."""
+def falling(search: Search, one: PlantModel, found: Fit, unexplained: float) -> tuple[PlantModel, ...]:
+    """A plant whose added friction, and constant load, is friction that is gone beyond the top speed of the logs: they
+    say nothing of faster motions, and nothing holds one back that is driven on there. Of moves one way a load is that,
+    too; and where it is not known what is missing, all that it lacks."""
     frictions = (e for e in catalogue().values() if e.role is Role.FRICTION)
-    one = next(e for e in frictions if [p.name for p in e.parameters if not p.linear] == ["velocity"])
-    bare, top = next(draws_of(search, search.refit, doubtful=True, own=())), search.ranges.top_speed
-    if one.id in bare.effects or not top > 0.0:
+    gone = next(e for e in frictions if [p.name for p in e.parameters if not p.linear] == ["velocity"])
+    known, top = search.problem.model.effects, search.ranges.top_speed
+    if gone.id in known or not top > 0.0:
         return ()
-    values = {
-        p.name: math.hypot(*_lacking(search, bare, found, unexplained)) if p.linear else top for p in one.parameters
-    }
-    return (replace(bare, effects={**bare.effects, one.id: values}),)
+    held = {_always().id, *(name for name in one.effects if get_effect(name).role is Role.FRICTION)}
+    rest = replace(one, effects={n: v for n, v in one.effects.items() if n in known or n not in held})
+    lacks = math.hypot(*_lacking(search, rest, found, unexplained))
+    values = {p.name: lacks if p.linear else top for p in gone.parameters}
+    return (replace(rest, effects={**rest.effects, gone.id: values}),)
 
 
 def _lacking(search: Search, plant: PlantModel, found: Fit, unexplained: float) -> tuple[float, float]:
@@ -149,11 +151,16 @@ def _lacking(search: Search, plant: PlantModel, found: Fit, unexplained: float) 
 
 def _pushed(plant: PlantModel, force: float) -> PlantModel:
     """With so much more of the force that is always there."""
-    always = (e for e in catalogue().values() if e.role is Role.APPLIED and not (e.needs or e.listed or e.repeats))
-    effect = next(e for e in always if e.periods is None)
+    effect = _always()
     (size,) = (p.name for p in effect.parameters)
     known = plant.effects.get(effect.id, {size: 0.0})
     return replace(plant, effects={**plant.effects, effect.id: {size: known[size] + force}})
+
+
+def _always() -> Effect:
+    """The force that is always there."""
+    forces = (e for e in catalogue().values() if e.role is Role.APPLIED and not (e.needs or e.listed or e.repeats))
+    return next(e for e in forces if e.periods is None)
 
 
 def _waved(plant: PlantModel, size: float, way: float, start: float) -> PlantModel:

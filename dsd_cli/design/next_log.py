@@ -29,8 +29,8 @@ _TRUTHS = 2
 
 
 def expected_of(measure: Measure, paths: Mapping[int, Path], most: float, draws: int) -> Expected:
-    """Of the pairs and values of a measure, by the logs and the one of a motion: the mean over so many plants each, over
-    fewer of more explanations than two.
+    """Of the pairs and values of a measure, by the logs and the one of a motion: the mean over so many plants each,
+    over fewer of more explanations than two.
 
     paths : explanation -> the path that its plant takes; that of the first (0) where there is none. most : largest |u|.
     """
@@ -52,7 +52,7 @@ def expected_of(measure: Measure, paths: Mapping[int, Path], most: float, draws:
                 told = search.problem.values(right).estimates
                 for value in measure.targets.values:  # one log more tells no less: beyond that the estimate scatters
                     error = float(np.fmin(told[value.name].std_error, value.error))
-                    errors[value.name].append(math.inf if math.isnan(error) else error)
+                    errors[value.name].append(error if error > 0.0 else math.inf)  # none: of no force, no shape
     return Expected(
         {pair: float(np.mean(found)) for pair, found in nats.items()},
         {pair: min(found) for pair, found in of_use.items()},

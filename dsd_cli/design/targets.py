@@ -30,7 +30,7 @@ _AS_GOOD = 3
 @dataclass(frozen=True)
 class Targets:
     """explanations : each once; beside : plants that keep the limits, too: the first with what the logs say little of,
-    and the delay, as the model has it (with unknown, what that lacks as a wave over the place), and the model with
+    and the delay, as the model has it (with unknown, what that lacks as a wave over the place), and
     friction that is gone beyond the speeds of the logs. pairs : of their places, to be distinguished. values : of the
     first explanation. asked : names that the user gave. unknown : the motion is for the whole catalogue.
     doubtful : what is missing may be none of the explanations, so that more of them are there to keep the limits.
@@ -84,7 +84,7 @@ def targets_of(
     own, left = {name: _own(name, apart_from) for name in names}, diagnosis.unexplained if diagnosis else Unexplained()
     explanations = tuple(explanation_of(search, name, made.fits[name], doubtful, own[name]) for name in names)
     unexplained = float(np.nan_to_num(left.share_of_u))
-    gone = falling(search, whole, unexplained)
+    gone = falling(search, explanations[0].fitted, whole, unexplained)
     if unknown:  # none of them stands: the limits are kept under each, and the motion is for the whole catalogue
         first, wave = held(search, explanations[0], whole, unexplained, start)
         return Targets((first, *explanations[1:]), (wave, *gone), (), (), unknown=True, doubtful=True)

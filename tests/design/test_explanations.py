@@ -4,10 +4,14 @@ import numpy as np
 import pytest
 
 from dsd_cli.design.cases import other_shapes, ranges_within
-from dsd_cli.design.explanations import _Left
+from dsd_cli.design.explanations import _Left, falling
 from dsd_cli.design.limits import Limits
 from dsd_cli.effects import Ranges
 from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.diagnose import Settings
+from tests.identify.comparison_rig import BELIEVED, recorded
 
 #: Moved one way, of friction and a load only the sum is known; a third value is another matter.
 _SUM = np.array([1.0, 1.0, 0.0])
@@ -43,3 +47,20 @@ def test_shapes_of_a_rival_reach_as_far_as_the_motion_may() -> None:
     assert max(far) > 1.0
     assert max(far) / min(far) > 10.0
     assert other_shapes(Term.of("viscous_friction", {}), found) == []
+
+
+@pytest.mark.parametrize(
+    ("effect", "value", "size"), [("coulomb_friction", "level", 0.2), ("constant_load", "force", -0.2)]
+)
+def test_what_the_model_lacks_may_be_friction_that_is_gone_beyond_the_speeds_of_the_logs(
+    effect: str, value: str, size: float
+) -> None:
+    """Of a load no sine says whether it is friction, but that nothing holds a faster motion back either way."""
+    log = recorded({effect: {value: size}}, duration=4.0)
+    search = Search(pose([log], BELIEVED, Settings()))
+    found = search.fit((Term.of(effect, {}),), search.refit.tap)
+    (plant,) = falling(search, search.problem.scale.model(found), found, 0.0)
+    gone = plant.effects["stribeck_friction"]
+    assert plant.effects.keys() == {"stribeck_friction"}
+    assert gone["excess"] == pytest.approx(abs(size), rel=0.25)
+    assert gone["velocity"] == pytest.approx(np.abs(log.pieces[0]["velocity"]).max(), rel=0.02)

@@ -243,6 +243,10 @@ def test_forces_that_cancel_out_where_a_poor_log_has_been_are_not_planned_for(
         ("viscous_friction", "small", 110015, "speed40k", "quadratic_drag", 1.0),
         # one way, where a load is dry friction: the model's own would be three times as large
         ("constant_load", "one way", 110031, "speed40k", "coulomb_friction", 0.5),
+        # slow: Stribeck friction, of which no plant with Coulomb friction says that it is gone at higher speeds
+        ("stribeck_friction", "slow", 350038, "speed40k", "coulomb_friction", 1.0),
+        # one way, where that friction is a load as well
+        ("stribeck_friction", "one way", 350068, "enc4096", "constant_load", 0.5),
     ],
 )
 @pytest.mark.usefixtures("quick")
