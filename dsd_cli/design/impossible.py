@@ -72,4 +72,4 @@ def _remedy(names: Sequence[str]) -> str:
             told = catalogue()[a].told_apart.get(b) or catalogue()[b].told_apart.get(a)
             if told:
                 return f"{told}; no motion within the limits does it: change the mass or the load, or widen them"
-    return "no motion within the limits does it: change the mass or the load, widen the limits, or take a finer sensor"
+    return "change the mass or the load, widen the limits, or take a finer sensor"
