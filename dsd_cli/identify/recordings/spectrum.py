@@ -117,8 +117,9 @@ def cycle_of(speed: Array, sample_time: float) -> float:
 
     Infinite where the motion does not repeat itself. What is a cycle later is the same again: so such a motion
     identifies no delay beyond it, and no line in time at one of its harmonics from a force that depends on the motion.
+    A mean speed is the same at any time, and says nothing of that.
     """
-    speed = _sized(speed)
+    speed = _sized(speed - speed.mean())
     step = -(-len(speed) // _SAMPLES)
     speed = speed[: len(speed) // step * step].reshape(-1, step).mean(axis=1)
     most = int(len(speed) / POLICY.least_cycles)
