@@ -16,6 +16,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.verdict import discrepancy, judgement, probability
+from dsd_cli.identify.verdict.belief import UnnamedLaws
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.discrepancy import Discrepancy
 from dsd_cli.identify.verdict.judgement import Verdict
@@ -78,6 +79,17 @@ def test_what_is_left_of_another_channel_makes_friction_no_less_likely(seed):
     left alone it would be 25 % at most."""
     _, _, missing = friction_over(20.0, 0.0, MANY, beside=0.6, seed=seed)
     assert missing["coulomb_friction"] > 0.5
+
+
+def test_what_is_left_counts_in_full_beside_an_effect_with_memory(monkeypatch):
+    """As much is left as the effect takes off, 10 % of u. Beside dry friction a tenth of that is background; beside a
+    hysteresis another one is no function of the channels, and 1 / (1 + 3^2) is what is believed."""
+    monkeypatch.setattr(discrepancy, "surely_left", lambda search, _fit: search.problem.errors.rmse("whole"))
+    squares = {"whole": 0.1, "rest": math.sqrt(2.0) * 0.1}
+    errors = SimpleNamespace(force=1.0, rmse=lambda fit: squares[fit])
+    laws = UnnamedLaws(SimpleNamespace(problem=SimpleNamespace(errors=errors, floor=0.0)), "whole", misfit=False)
+    assert laws.belief(Term("coulomb_friction"), "rest") == pytest.approx(1.0 / (1.0 + 0.3**2))
+    assert laws.belief(Term("presliding_friction"), "rest") == pytest.approx(0.1)
 
 
 def test_a_short_log_that_one_effect_explains_is_nearly_as_sure_as_a_long_one():

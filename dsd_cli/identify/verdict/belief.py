@@ -86,6 +86,8 @@ class UnnamedLaws:
 
         beside, instead = self._shares(member) if self.misfit else (1.0, 0.0)
         background = min(self.left, POLICY.least_unknown * self.search.problem.errors.force)
+        if member.effect.memory:  # no function of the channels does what another law with memory does
+            background = self.left
         return beside * share(background) + instead * share(self.left)
 
     def _shares(self, member: Term) -> tuple[float, float]:
@@ -98,21 +100,14 @@ class UnnamedLaws:
         rest = search.without(fit, member)
         beside: list[Law] = [(), *(g for g, mine in zip(groups, of_own, strict=True) if not mine)]
         instead: list[Law] = [(), *groups]
-        squares = [fits.without("", on) for on in beside] + [self._without(rest, member, on) for on in instead]
-        prices = [search.price((member,)) + self._price(on) for on in beside] + [self._price(on) for on in instead]
+        # an event in time has no columns, and what is left without it is fitted anew
+        alone = search.freeform(rest) if member.effect.listed else fits
+        squares = [fits.without("", on) for on in beside] + [alone.without(member.id, on) for on in instead]
+        prices = [POLICY.unknown_nats * bool(on) for on in (*beside, *instead)]  # each is the best of some ten
+        prices = [x + search.price((member,)) * (i < len(beside)) for i, x in enumerate(prices)]
         gains = self._gains(np.stack(squares)) / search.by_chance(rest, fit)
         shares = shared_belief(gains, np.array(prices))
         return float(shares[: len(beside)].sum()), float(shares[len(beside) + 1 :][of_own].sum())
-
-    @staticmethod
-    def _price(on: Law) -> float:
-        """Nats for a function that is the best of some ten."""
-        return POLICY.unknown_nats if on else 0.0
-
-    def _without(self, rest: Fit, member: Term, on: Law) -> Array:
-        """Held-out squares per block; an event in time has no columns, and what is left without it is fitted anew."""
-        search, _, fits = self._part
-        return (search.freeform(rest) if member.effect.listed else fits).without(member.id, on)
 
     def _gains(self, squares: Array) -> Array:
         """Nats per block over the likeliest, shape (m, B), of held-out squares of that shape."""
