@@ -82,6 +82,12 @@ def tied() -> Asked:
 
 
 @pytest.fixture(scope="module")
+def slow() -> Asked:
+    """One way and slow: friction is nearly all of u, which is evidence by the motion."""
+    return poor("viscous_asymmetry", "one way", 81417, "speed40k")
+
+
+@pytest.fixture(scope="module")
 def settling(tied: Asked) -> Plan:
     """Of that tie, by what the code says in full."""
     return tied.plan()
@@ -482,18 +488,17 @@ def test_the_gain_of_the_drive_is_no_matter_of_motion(tied: Asked) -> None:
     assert "mass" in gain.remedy
 
 
-def test_what_the_next_motion_may_show_is_not_said_to_be_lost(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Friction and weight are nearly all of u in this log, and not in a faster one; a channel that is not there stays
-    away."""
-    problem = tied.search.problem
+def test_what_the_next_motion_may_show_is_not_said_to_be_lost(slow: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Friction is nearly all of u in this log, and not in a faster one; a channel that is not there stays away."""
+    problem = slow.search.problem
     assert problem.untestable
-    targets = targets_of(tied.search, tied.whole, tied.diagnosis)
-    assert not_by_motion(tied.search, targets, tied.diagnosis) == []
+    targets = targets_of(slow.search, slow.whole, slow.diagnosis)
+    assert not_by_motion(slow.search, targets, slow.diagnosis) == []
     why = "the log has no position"
     blind = replace(problem.recordings[0], missing={"position": why})
     lacking = replace(problem, recordings=(blind,), untestable={**problem.untestable, "stiffness": why})
-    monkeypatch.setattr(tied.search, "problem", lacking)
-    assert [one.what for one in not_by_motion(tied.search, targets, tied.diagnosis)] == ["stiffness"]
+    monkeypatch.setattr(slow.search, "problem", lacking)
+    assert [one.what for one in not_by_motion(slow.search, targets, slow.diagnosis)] == ["stiffness"]
 
 
 def test_what_no_motion_of_all_that_were_tried_tells_is_said(tied: Asked) -> None:
@@ -665,13 +670,20 @@ def by_the_search(search: Search, better: Fit, worse: Fit) -> float:
     return said[0] - said[1]
 
 
-def test_what_the_logs_already_say_is_what_the_search_says(tied: Asked) -> None:
-    """Here only u on the motion is evidence: friction and weight are nearly all of u."""
-    targets = targets_of(tied.search, tied.whole, tied.diagnosis, ("constant_load", "gravity"))
-    fits = [tied.search.converged(e.fit) for e in targets.explanations[:2]]
-    assert tied.search.solver.inverse
-    lead = Measure(tied.search, targets, 1).now[0, 1]
-    assert lead == pytest.approx(by_the_search(tied.search, *fits), rel=0.01)
+@pytest.mark.parametrize(
+    ("log", "pair"),
+    [("tied", ("constant_load", "gravity")), ("slow", ("viscous_friction", "viscous_asymmetry"))],
+)
+def test_what_the_logs_already_say_is_what_the_search_says(
+    log: str, pair: tuple[str, str], request: pytest.FixtureRequest
+) -> None:
+    """Whichever way round: of the slow one only u on the motion is evidence."""
+    asked = request.getfixturevalue(log)
+    targets = targets_of(asked.search, asked.whole, asked.diagnosis, pair)
+    fits = [asked.search.converged(e.fit) for e in targets.explanations[:2]]
+    assert asked.search.solver.inverse == (log == "slow")
+    lead = Measure(asked.search, targets, 1).now[0, 1]
+    assert lead == pytest.approx(by_the_search(asked.search, *fits), rel=0.01)
 
 
 def test_nats_are_expected_in_the_band_and_the_form_of_both_logs(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -747,7 +759,7 @@ def test_correlated_noise_of_a_motion_leaves_no_more_than_white_noise(
 
 
 def test_a_rival_has_one_choice_of_values_for_logs_and_motion() -> None:
-    """A spring stands in for a load on either side of its rest, with another sign on each."""
+    """A spring stands in for a load on either side of its rest, with another sign on each; u by the motion."""
     t = 0.001 * np.arange(8000)
     way = 0.01 * np.sin(4.0 * np.pi * t)
     places = [Planned(middle + way, np.gradient(way, t)) for middle in (1.0, -1.0)]
@@ -755,7 +767,7 @@ def test_a_rival_has_one_choice_of_values_for_logs_and_motion() -> None:
     logs = [recorded(load, reference=place, duration=8.0, seed=i) for i, place in enumerate(places)]
 
     def asked(recordings: list[Recording]) -> tuple[Search, Fit, Fit]:
-        search = Search(pose(recordings, BELIEVED, Settings(effects=("constant_load", "stiffness"))))
+        search = Search(pose(recordings, BELIEVED, Settings(effects=("constant_load", "stiffness"), inverse=True)))
         fits = {o.effect: o.fit for o in search.options(search.refit)}
         return search, fits["constant_load"], fits["stiffness"]
 
