@@ -169,7 +169,8 @@ def table(rows: Sequence[Row]) -> list[str]:
     order = sorted(rows, key=lambda r: (r["met"] - r["musts"], -len(r["violated"]), -len(r["off"])))
     for r in order:
         missed = f": not {', '.join(r['unmet'])}" if r["unmet"] else ""
-        steps = ", ".join(_words(s) for s in r["steps"] if s != "refit") or "nothing"
+        sure = {one["effect"]: f" ({100 * one['probability']:.0f} %)" for one in r.get("missing") or ()}
+        steps = ", ".join(_words(s) + sure.get(s, "") for s in r["steps"] if s != "refit") or "nothing"
         said = f"{steps}; then {r['verdict']} ({100 * r['probability']:.0f} %)"
         if r.get("error"):
             said = r["error"].removeprefix("dsd: error: ").partition(":")[0]
