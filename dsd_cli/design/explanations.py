@@ -143,7 +143,7 @@ def _lacking(search: Search, plant: PlantModel, found: Fit, unexplained: float) 
     errors = search.problem.errors
     left = errors.rows_of_model(plant)
     free = errors.rows_of_model(_pushed(plant, 1.0)) - left
-    size = float(free @ free) / len(free)
+    size = max(float(free @ free) / len(free), 1e-300)  # friction may hold the axis in all of them
     mean = -float(free @ left) / (size * len(free))
     beside = float(np.mean((left + mean * free) ** 2)) - errors.rmse(found) ** 2 + (unexplained * errors.force) ** 2
     return mean, math.sqrt(max(beside, 0.0) / size)

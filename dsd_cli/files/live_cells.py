@@ -55,5 +55,5 @@ class LiveCells:
         """That most rows lack a value, where they do: as channels have that are logged each by itself."""
         if self._rows < ROWS or 2 * self._blank < self._rows:
             return []
-        what = f"{self._blank:,} of the first {self._rows:,} rows lack a value and are left out"
+        what = f"{self._blank:,} of {self._rows:,} rows lack a value and are left out"
         return [f"{what}: channels that were logged each by itself, or on change, are joined in a file only"]

@@ -5,12 +5,11 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
-from itertools import zip_longest
+from itertools import pairwise, zip_longest
 
 from dsd_cli.files.csv_cells import MISSING, is_number, number
 from dsd_cli.files.csv_dialect import decode, fields_of, is_comment
 from dsd_cli.files.formats.base import LONG, lies_in_rows
-from dsd_cli.files.recognise import is_time
 
 #: Cells at the begin of a row that may say of which signal it is.
 _SAYING = 3
@@ -18,6 +17,8 @@ _SAYING = 3
 _SOME, _MOSTLY = 64, 0.9
 #: Bytes that say it.
 _HEAD = 4096
+#: What a row of sheets is called that numbers the samples.
+_NUMBERS = ("signal", "signals", "channel", "name", "sample", "samples", "index", "no", "no.", "nr", "n", "#")
 #: What is said of it.
 TURNED = "its signals stand in its rows, which are taken as columns"
 
@@ -36,6 +37,8 @@ def turned(content: bytes) -> bytes | None:
     most = max(map(len, rows))
     if len(rows) < 2 or not lies_in_rows((len(rows), most)) or min(map(len, rows)) < LONG:
         return None
+    if all(is_number(row[0]) for row in rows) and not (_rises(rows[0]) and not _rises([row[0] for row in rows])):
+        return None  # a table of very many channels, without names
     rows = rows[1:] if _only_counts(rows[0]) else rows
     out = io.StringIO()
     csv.writer(out, delimiter=by if by != " " else ",", lineterminator="\n").writerows(zip_longest(*rows, fillvalue=""))
@@ -52,10 +55,17 @@ def said_of(path: str, content: bytes | None) -> list[str]:
 
 
 def _only_counts(cells: Sequence[str]) -> bool:
-    """Whether it numbers the samples, as the header of a sheet does, and is called by no time."""
-    named = bool(cells[0].strip()) and not is_number(cells[0]) and not is_time(cells[0])
+    """Whether it numbers the samples, as the header of a sheet does, and is called so: a signal may count as well."""
     numbers = [cell for cell in cells[1:] if is_number(cell)]
-    return named and any([*map(number, numbers)] == [*range(k, k + len(numbers))] for k in (0, 1))
+    return cells[0].strip().lower() in _NUMBERS and any(
+        [*map(number, numbers)] == [*range(k, k + len(numbers))] for k in (0, 1)
+    )
+
+
+def _rises(cells: Sequence[str]) -> bool:
+    """Whether they are numbers, each above the one before, as stamps are."""
+    values = [number(cell) for cell in cells if is_number(cell)]
+    return all(a < b for a, b in pairwise(values))
 
 
 def _delimiter(text: str) -> str | None:

@@ -175,11 +175,12 @@ def rows_of_u(u: Array) -> int:
     A drive that holds it so and a logger that reads it so leave the same log: read so, each value but the first is old,
     by (n - 1) / 2 rows in the mean, and a delay that is identified is shorter by that.
     """
-    new = np.flatnonzero(np.diff(u)) + 1
+    there = np.flatnonzero(np.isfinite(u))
+    new = there[1:][np.diff(u[there]) != 0.0]
     if np.unique(u[new]).size < _TICKS:
         return 1
     apart = np.diff(new)
-    each = int(np.min(apart))
+    each = max(int(np.median(apart)), 1)  # a row that was lost makes some shorter
     in_step = np.mean(apart % each == 0) > _IN_STEP and np.mean(apart == each) > _AS_OFTEN
     return each if in_step else 1
 

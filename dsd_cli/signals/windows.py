@@ -9,6 +9,9 @@ import numpy as np
 
 from dsd_cli.signals.log import Array
 
+#: Rows that are sorted at once.
+_ROWS = 100_000
+
 
 def beside(x: Array, reach: int) -> Array:
     """Each value and those so far to either side, shape (n, 2 reach + 1), a view; the ends go on as they are."""
@@ -18,7 +21,8 @@ def beside(x: Array, reach: int) -> Array:
 def median(rows: Array) -> Array:
     """Of each row of an odd number of values, shape (n,); `np.median` takes five times as long."""
     middle = rows.shape[1] // 2
-    return np.asarray(np.partition(rows, middle, axis=1)[:, middle])
+    parts = (rows[i : i + _ROWS] for i in range(0, len(rows), _ROWS))  # of a long log all of them are gigabytes
+    return np.concatenate([rows[:0, 0], *(np.partition(part, middle, axis=1)[:, middle] for part in parts)])
 
 
 def smooth_size(least: int) -> int:

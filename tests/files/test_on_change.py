@@ -105,3 +105,31 @@ def test_rows_that_arrive_in_bursts_are_no_changes(tmp_path: Path) -> None:
     found, said = read(tmp_path / "log.csv")
     np.testing.assert_allclose(found["t"], t, atol=1e-6)
     assert said == ""
+
+
+def test_samples_of_noise_that_were_lost_are_no_changes(tmp_path: Path) -> None:
+    """Noise is nowhere farther off than from one sample to the next, also over a hole, and has no value twice."""
+    rng, t = np.random.default_rng(3), np.arange(3000) * 1e-3
+    u, d_hat = np.sin(9.0 * t), 0.1 * np.sin(3.0 * t) + 0.02 * rng.standard_normal(t.size)
+    lost = np.zeros(t.size, dtype=bool)
+    for begin in rng.integers(10, 2980, 55):
+        lost[begin : begin + 8] = True
+    cells = [f"{a!r},{b!r}" for a, b in zip(u.tolist(), d_hat.tolist(), strict=True)]
+    lines = [f"{k:.3f},{',' if gone else row}" for k, gone, row in zip(t, lost, cells, strict=True)]
+    (tmp_path / "log.csv").write_text("\n".join(["t,u,d_hat", *lines]) + "\n", encoding="utf-8")
+    table = open_table(tmp_path / "log.csv", {"t": "t", "u": "u", "d_hat": "d_hat"})
+    parts: list[Batch] = list(table.batches())
+    found = np.concatenate([one.columns["d_hat"] for one in parts])
+    assert np.count_nonzero(np.isfinite(found)) == np.count_nonzero(~lost)
+    assert not any("only where" in one for one in table.warnings)
+
+
+def test_values_that_come_in_pairs_are_not_read_at_the_pace_within_them(tmp_path: Path) -> None:
+    """A million rows and more would be made of a thousand values."""
+    t = np.repeat(np.arange(500) * 0.04, 2) + np.tile([0.0, 2e-6], 500)
+    q = np.random.default_rng(5).normal(size=t.size).cumsum()
+    found = [(float(k), "pos", float(x)) for k, x in zip(t, q, strict=True)]
+    found += [(k + 1e-3, "vel", x) for k, _, x in found]
+    found += [(0.1 + 1.7 * k, "volts", float(k % 3)) for k in range(12)]
+    read_, _ = read(written(tmp_path / "log.csv", "rows", sorted(found)))
+    assert read_["t"].size < 10 * t.size

@@ -40,9 +40,18 @@ def test_names_units_and_samples(saying, how, samples, tmp_path):
     assert [one.unit for one in looked.channels] == (list(ROWS.values()) if saying == 2 else [""] * 3)
 
 
-def test_a_wide_table_of_many_samples_is_none(tmp_path):
-    lines = [",".join(f"{100 * row + k}" for k in range(80)) for row in range(200)]
+def test_a_signal_that_counts_is_one(tmp_path):
+    u = ",".join(f"{x:.4f}" for x in np.sin(np.arange(300) * 0.1))
+    count = ",".join(map(str, range(300)))
+    (tmp_path / "log.csv").write_text(f"position,{count}\nu,{u}\n", encoding="utf-8")
+    (batch,) = open_table(tmp_path / "log.csv", {"u": "u", "position": "position"}).batches()
+    np.testing.assert_array_equal(batch.columns["position"], np.arange(300))
+
+
+@pytest.mark.parametrize("rows", [70, 200])
+def test_a_wide_table_of_many_samples_is_none(rows, tmp_path):
+    lines = [",".join(f"{100 * row + (37 * k) % 83}" for k in range(83)) for row in range(rows)]
     (tmp_path / "log.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
     table = open_table(tmp_path / "log.csv", {"u": "2"})
-    assert sum(batch.rows for batch in table.batches()) == 200
+    assert sum(batch.rows for batch in table.batches()) == rows
     assert not any("stand in its rows" in one for one in table.warnings)

@@ -229,7 +229,11 @@ def test_u_of_a_piece_that_begins_between_two_values_is_of_none_before_it():
 @pytest.mark.parametrize("late", [0, 1])
 def test_a_slower_clock_of_u_is_seen(each: int, late: int) -> None:
     u = np.sin(0.013 * np.arange(ROWS)) + 0.3 * np.sin(0.11 * np.arange(ROWS))
-    assert rows_of_u(np.repeat(u[::each], each)[late:]) == each
+    slower = np.repeat(u[::each], each)[late:]
+    assert rows_of_u(slower) == each
+    assert rows_of_u(np.delete(slower, 7)) == each
+    slower[[8, 9]] = np.nan
+    assert rows_of_u(slower) == each
 
 
 def test_steps_of_a_test_and_what_is_rounded_are_no_clock_of_u() -> None:

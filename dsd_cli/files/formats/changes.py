@@ -21,6 +21,11 @@ HOLE = 2.5
 _BUSY = 0.25
 #: Over its holes a motion that was lost goes on as fast as else; one that stood still does less than half of that.
 _STOOD = 0.5
+#: Noise has another value each time, so that a channel of which most is noise is not silent for it stood still: each of
+#: its steps takes some of the one before back, by a correlation of -0.5 where it is all white.
+_NOISE = -0.25
+#: Where stamps come in bursts, the usual step is one within these: more rows than so many for each value are of that.
+_MOST_FILLED = 100
 #: A control input alone is known by it where holes are this share of its time, or its levels come again, though never
 #: twice in a row, so that so many of them are of this share of its values; or where it has fewer values than any answer
 #: needs rows, so that rows at its stamps are of no use.
@@ -53,12 +58,15 @@ class Changes(NamedTuple):
     @property
     def stands(self) -> bool:
         """Whether it has holes, and hardly moves in them."""
-        speed = np.abs(np.diff(self.x)) / np.diff(self.t)
-        return bool(
-            self.holes.any()
-            and not self.holes.all()
-            and np.median(speed[self.holes]) < _STOOD * np.median(speed[~self.holes])
-        )
+        if not self.holes.any() or self.holes.all() or self.t[-1] - self.t[0] > _MOST_FILLED * self.t.size * self.pace:
+            return False
+        steps = np.diff(self.x)
+        dense = ~(self.holes[:-1] | self.holes[1:])
+        before, after = steps[:-1][dense], steps[1:][dense]
+        if before @ after < _NOISE * np.linalg.norm(before) * np.linalg.norm(after):
+            return False
+        speed = np.abs(steps) / np.diff(self.t)
+        return bool(np.median(speed[self.holes]) < _STOOD * np.median(speed[~self.holes]))
 
     @property
     def rests(self) -> bool:
