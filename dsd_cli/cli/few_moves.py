@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dsd_cli.identify.recordings.recording import Recording
 
-#: Speeds are low-passed at this share of the sample rate.
+#: Share of the sample rate at which speeds are low-passed: no band is known here, and above it no axis moves.
 _CUTOFF = 0.1
 
 

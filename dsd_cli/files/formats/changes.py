@@ -108,10 +108,9 @@ def without_repeats(t: Array, values: Mapping[str, Array], motions: Collection[s
     the same one, and none repeats all of the one before; {} for others.
     """
     fresh = {name: np.append(True, np.diff(x) != 0.0) for name, x in values.items()}
-    steps, moved = (
-        np.diff(t),
-        np.any([fresh[name] for name in motions], axis=0) if motions else np.zeros(t.size, dtype=bool),
-    )
+    steps, moved = np.diff(t), np.zeros(t.size, dtype=bool)
+    for name in motions:
+        moved |= fresh[name]
     if t.size < _USELESS or "u" not in fresh or not np.all(fresh["u"] | moved) or not np.all(steps >= 0.0):
         return {}
     if np.sum(fresh["u"] & moved) > 1 + _AT_ONCE * min(fresh["u"].sum(), moved.sum()):  # the first row has all

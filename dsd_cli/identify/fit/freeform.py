@@ -105,25 +105,26 @@ class FreeformFits:
     def fit_with(self, on: tuple[str, ...], whitened: bool = True) -> Freeform:
         """Cross-validated; not `whitened`: in the unit of u."""
         columns, penalty = self.columns(on)
-        rows = [*self.base, *columns]
-        if whitened:
-            rows = [self.equations.whitened(x) for x in rows]
-        found = grams(rows, self.blocks)
-        fixed = len(self.base) - 1
-        alone = Grams(*(g[..., : fixed + 1, : fixed + 1] for g in found))
+        found = self._whitened(on) if whitened else grams([*self.base, *columns], self.blocks)
+        alone = found.of(range(len(self.base)))
         without = losses(solve(alone.fitted), alone, self.blocks)
         return loss_of([Freeform(on, left, without) for left in self._left(found, penalty)])
 
     def without(self, effect_id: str, on: tuple[str, ...] = ()) -> Array:
         """Held-out squares per block, shape (B,), with a function of these channels (none: without any) in the place of
         an effect; "" : beside all of them."""
-        columns, penalty = self.columns(on) if on else ([], np.zeros((0, 0)))
-        if on not in self._grams:
-            self._grams[on] = grams([self.equations.whitened(x) for x in (*self.base, *columns)], self.blocks)
-        kept = [i for i, owner in enumerate(self.owners) if not owner or owner != effect_id]
-        found = self._grams[on].of([*kept, *range(len(self.base), len(self.base) + len(columns))])
-        left = self._left(found, penalty) if on else [losses(solve(found.fitted), found, self.blocks)]
+        every = self._whitened(on)
+        hats = range(len(self.base), every.total.shape[-1])
+        found = every.of([*(i for i, owner in enumerate(self.owners) if not owner or owner != effect_id), *hats])
+        left = self._left(found, self.columns(on)[1]) if on else [losses(solve(found.fitted), found, self.blocks)]
         return min(left, key=lambda squares: float(squares.sum()))
+
+    def _whitened(self, on: tuple[str, ...]) -> Grams:
+        """Of the whitened base, and of the hats over these channels behind it."""
+        if on not in self._grams:
+            rows = (*self.base, *(self.columns(on)[0] if on else ()))
+            self._grams[on] = grams([self.equations.whitened(x) for x in rows], self.blocks)
+        return self._grams[on]
 
     def _left(self, found: Grams, penalty: Array) -> Iterator[Array]:
         """Held-out squares per block with the hats that come last, at each strength of the penalty."""

@@ -146,11 +146,7 @@ def told_by(bank: Bank, fitted: Fitted, beside: Terms, known: PriorKnowledge, *,
     """
     fitted = fitted if zero else _without_zero(fitted, fitted.fit.terms, known)
     open_ = _not_identified(bank, fitted, beside) if INERTIA not in known.names else []
-    told = {
-        n: replace(e, std_error=math.nan, grade="not")
-        for n, e in fitted.estimates.items()
-        if _of(n) in open_ and not e.held
-    }
+    told = {n: replace(e, std_error=math.nan, grade="not") for n, e in fitted.estimates.items() if _of(n) in open_}
     return replace(fitted, estimates={**fitted.estimates, **told})
 
 

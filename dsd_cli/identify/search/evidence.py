@@ -115,10 +115,14 @@ class Evidence:
         )
 
     def gains(self, before: Fit, after: Fit) -> np.ndarray:
-        """Nats per block, shape (B,), without prices: shares of the whole gain as of what squares fall."""
-        fall = before.loss - after.loss
-        scale = (self.nats(before.loss) - self.nats(after.loss)) / fall if fall != 0.0 else 1.0 / self.noise.nats
-        return (before.losses - after.losses) * scale
+        """Nats per block, shape (B,), without prices."""
+        return self.gained(before.losses, after.losses)
+
+    def gained(self, before: np.ndarray, after: np.ndarray) -> np.ndarray:
+        """The same of held-out squares, shape (B,) each: shares of the whole gain as of what squares fall."""
+        left, less = float(before.sum()), float(after.sum())
+        scale = (self.nats(left) - self.nats(less)) / (left - less) if left != less else 1.0 / self.noise.nats
+        return (before - after) * scale
 
     def lead(self, before: Fit, after: Fit) -> float:
         """Evidence that one fit has over another, nats.

@@ -105,15 +105,7 @@ class UnnamedLaws:
         squares = [fits.without("", on) for on in beside] + [alone.without(member.id, on) for on in instead]
         prices = [POLICY.unknown_nats * bool(on) for on in (*beside, *instead)]  # each is the best of some ten
         prices = [x + search.price((member,)) * (i < len(beside)) for i, x in enumerate(prices)]
-        gains = self._gains(np.stack(squares)) / search.by_chance(rest, fit)
+        likeliest = min(squares, key=lambda left: float(left.sum()))
+        gains = np.stack([search.gained(likeliest, left) for left in squares]) / search.by_chance(rest, fit)
         shares = shared_belief(gains, np.array(prices))
         return float(shares[: len(beside)].sum()), float(shares[len(beside) + 1 :][of_own].sum())
-
-    def _gains(self, squares: Array) -> Array:
-        """Nats per block over the likeliest, shape (m, B), of held-out squares of that shape."""
-        sums = squares.sum(axis=1)
-        nats = np.array([self._part[0].nats(float(x)) for x in sums])
-        best = int(np.argmin(nats))
-        more = sums - sums[best]
-        scale = np.where(more != 0.0, (nats - nats[best]) / np.where(more != 0.0, more, 1.0), 0.0)
-        return np.asarray((squares[best] - squares) * scale[:, None])
