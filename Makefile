@@ -27,9 +27,10 @@ demo: compiled
 	@mkdir -p out
 	@PATH="$(CURDIR)/$(BIN):$$PATH" sh sample_logs/demo.sh
 
+# three processes on two cores: an eighth of the time is waited, for terminals and children;
 # property tests draw the same examples in every run, so that red means a change; `make bench` draws new ones
 test: compiled
-	$(BIN)/python -m pytest -n 2 --dist worksteal
+	$(BIN)/python -m pytest -n 3 --dist worksteal
 
 lint: setup
 	$(BIN)/ruff check .

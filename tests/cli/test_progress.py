@@ -15,12 +15,13 @@ from tests.cli.terminal import terminal
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
 #: A drawn line: the cursor to the left, the rest of the line away, the text.
 DRAWN = re.compile(rb"\r\x1b\[K([^\r\n\x1b]+)")
-#: The command on a machine on which every part of the work takes longer than the silence at the beginning: on a fast
-#: one a fit is over before anybody could see it or type.
+#: The command on a machine on which every part of the work takes longer than the silence at the beginning (short here):
+#: on a fast one a fit is over before anybody could see it or type.
 SLOWLY = """
 import time
 from dsd_cli.cli import progress
 from dsd_cli.__main__ import main
+progress.SILENT = 0.2
 said = progress.Progress.__call__
 def slowly(*arguments):
     said(*arguments)
