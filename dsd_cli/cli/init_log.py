@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -39,6 +40,7 @@ from dsd_cli.identify.checks import CheckResult, check_log
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import predict_d_hat
+from dsd_cli.roles import ONLY_CAUSE
 from dsd_cli.signals.clock import FASTEST, SLOWEST, TIME_SCALE
 from dsd_cli.signals.log import Array, Log
 
@@ -147,6 +149,9 @@ def _name_columns(chosen: Chosen, out: Proposal) -> None:
         unit = f", in {one.spoken}" if one.unit else ""
         why = "by its name" if guess is None else guess.reason
         doubt = f"; {guess.doubt}" if guess is not None and guess.doubt else ""
+        if guess is not None and guess.doubt == ONLY_CAUSE:
+            other = "position" if channel == "velocity" else "velocity"
+            doubt += f"; if it is the {other}: --{other} {shlex.quote(one.column)}"
         out.put("signals", channel, one.column, f"{why}{unit}{doubt}{others}")
         name_unit(channel, one, out)
         if channel == "time" and (one.time_unit or chosen.missing):

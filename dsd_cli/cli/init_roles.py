@@ -31,6 +31,7 @@ from dsd_cli.files.recognise import (
     is_force,
     is_motion,
     is_neither,
+    is_voltage,
     recognise,
     unit_in,
 )
@@ -219,6 +220,9 @@ def roles_of(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:
     if u is not None and u.equals and "u" not in given and not any(one in named for one in MOTION):
         del named["u"]  # Voltage_0, Voltage_1: whose name says nothing
         forces -= {u.column, *u.equals}
+    p = look.found.get("position")
+    if p is not None and p.of_kind:  # measured as an angle or a way: a voltage that follows its speed is what drives it
+        forces |= {one.name for one in table.channels if is_voltage(one.name, one.unit)} - set(given.values())
     motions = {one.name for one in table.channels if is_motion(one.name, one.unit)}
     moved = neither | motions - set(given.values()) - beside_a_clock(table)
     others = () if u is None or "u" in given else u.others

@@ -60,7 +60,7 @@ def content_of(path: str | Path, most: int | None = None) -> bytes | None:
             if _encoding(head) is None and _STAMPED.match(head) is None and _without_lists(head) == head and not turn:
                 return None
             file.seek(0)
-            return _as_utf8(file.read() if most is None or turn else file.read(2 * most))[:most]
+            return _first(_as_utf8(file.read() if most is None or turn else file.read(2 * most)), most)
     except (OSError, ValueError):
         return None  # whoever reads it says why
 
@@ -133,7 +133,12 @@ def _unpacked(path: str | Path, kind: str, stream: Any, most: int | None) -> byt
         raise _damaged(path, kind, error) from None
     if not size and part:
         raise DataError(f"{path}: is {kind}, and what is in it is no text", "unpack it first")
-    return _as_utf8(text.getvalue())[:most]
+    return _first(_as_utf8(text.getvalue()), most)
+
+
+def _first(content: bytes, most: int | None) -> bytes:
+    """So many bytes of it; of the whole what it is stays known."""
+    return content if most is None else content[:most]
 
 
 def _is_text(head: bytes) -> bool:

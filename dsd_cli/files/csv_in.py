@@ -79,7 +79,7 @@ class CsvTable:
         self._encoding = dialects.encoding_of(b"\n".join(head.splitlines()[: len(lines)]))
         self.metadata = read_sidecar(name)
         self._scaling = Scaling(name, found.factors, names, layout.scaled)
-        self._notes = [*said_of(name, self._content), *found.notes]
+        self._notes = [*said_of(self._content), *found.notes]
         if self._dialect.units is not None and found.units is None:
             self._notes.append(f"line {self._dialect.skip} is taken as units, not data")
         self.unreadable = 0

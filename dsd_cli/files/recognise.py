@@ -125,7 +125,7 @@ def is_current(name: str, unit: str) -> bool:
 
 def is_voltage(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a voltage."""
-    return whole_unit(unit) in {"v", "mv", "volt", "volts"} or _has(
+    return whole_unit(unit or unit_in(name, "u")) in {"v", "mv", "volt", "volts"} or _has(
         name, {"voltage", "volts", "volt", "spannung", "voltaje"}
     )
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 from collections.abc import Sequence
-from itertools import pairwise, zip_longest
+from itertools import dropwhile, pairwise, zip_longest
 
 from dsd_cli.files.csv_cells import MISSING, is_number, number
 from dsd_cli.files.csv_dialect import decode, fields_of, is_comment
@@ -23,17 +23,22 @@ _NUMBERS = ("signal", "signals", "channel", "name", "sample", "samples", "index"
 TURNED = "its signals stand in its rows, which are taken as columns"
 
 
+class TurnedText(bytes):
+    """What was text with its signals in its rows, with them in columns."""
+
+
 def may_be_turned(head: bytes) -> bool:
-    """Whether a text that begins so may be one: its first line has very many numbers."""
+    """Whether a text that begins so may be one: its first long line has very many numbers."""
     return _delimiter(decode(head)) is not None
 
 
-def turned(content: bytes) -> bytes | None:
-    """The same with its signals in columns; None: they stand there already."""
+def turned(content: bytes) -> TurnedText | None:
+    """The same with its signals in columns and without a title above; None: they stand there already."""
     by = _delimiter(decode(content[:_HEAD]))
     if by is None:
         return None
     rows = [fields_of(line, by) for line in decode(content).splitlines() if not is_comment(line)]
+    rows = [*dropwhile(lambda row: len(row) < LONG, rows)]
     most = max(map(len, rows))
     if len(rows) < 2 or not lies_in_rows((len(rows), most)) or min(map(len, rows)) < LONG:
         return None
@@ -42,16 +47,12 @@ def turned(content: bytes) -> bytes | None:
     rows = rows[1:] if _only_counts(rows[0]) else rows
     out = io.StringIO()
     csv.writer(out, delimiter=by if by != " " else ",", lineterminator="\n").writerows(zip_longest(*rows, fillvalue=""))
-    return out.getvalue().encode()
+    return TurnedText(out.getvalue().encode())
 
 
-def said_of(path: str, content: bytes | None) -> list[str]:
-    """What to say of the text of a file, as it is read."""
-    if content is None:
-        return []
-    with open(path, "rb") as file:
-        head = file.read(_HEAD)
-    return [TURNED] if may_be_turned(head) and content[:_HEAD] != head else []
+def said_of(content: bytes | None) -> list[str]:
+    """What to say of the text of a file."""
+    return [TURNED] if isinstance(content, TurnedText) else []
 
 
 def _only_counts(cells: Sequence[str]) -> bool:
@@ -69,12 +70,12 @@ def _rises(cells: Sequence[str]) -> bool:
 
 
 def _delimiter(text: str) -> str | None:
-    """What stands between the cells of its first line; None where there are too few, or they are no numbers."""
-    line = next((line for line in text.splitlines() if not is_comment(line)), "")
-    for by in (";", "\t", ",", " "):
-        cells = fields_of(line, by) if by in line else []
-        if len(cells) > LONG + _SAYING:
-            return by if _are_numbers(cells[_SAYING:-1]) else None  # the last may be cut
+    """What stands between the cells of its first line that has many; None where none has, or they are no numbers."""
+    for line in text.splitlines():
+        for by in (";", "\t", ",", " "):
+            cells = fields_of(line, by) if line.count(by) > LONG and not is_comment(line) else []
+            if len(cells) > LONG + _SAYING:
+                return by if _are_numbers(cells[_SAYING:-1]) else None  # the last may be cut
     return None
 
 

@@ -10,9 +10,9 @@ from dsd_cli.files.table_source import Batch, TableSource
 from dsd_cli.files.wrapped import WrappedTable
 from dsd_cli.signals.log import Array
 
-#: A step of more than this share of all that the position went through, and of this many of the longest steps before
-#: it, is a wrap if its size is that of a turn, as near as so many of those steps.
-WRAP_SHARE, WRAP_STEPS, NEAR_STEPS = 0.5, 20.0, 2.0
+#: A step of more than this share of all that the position went through, and of this many of the largest changes of a
+#: step before it, is a wrap if its size is that of a turn, as near as so many of the longest steps.
+WRAP_SHARE, WRAP_CHANGES, NEAR_STEPS = 0.5, 20.0, 2.0
 #: Turns of the column as it is, beside a whole and a half one in rad: degrees, and counters of so many bits or counts.
 TURNS = (180.0, 360.0, *(2.0**k for k in range(8, 33)), 1e3, 4e3, 1e4, 1e5, 1e6)
 
@@ -61,8 +61,8 @@ class _Undo:
         self.wraps = 0
         self._offset = 0.0
         self._last: float | None = None
-        self._step = 0.0  # the last one, 0 if it was a wrap
-        self._fast = 0.0  # the longest that was none
+        self._step = np.nan  # the last one; nan: there is none, or it was a wrap
+        self._fast, self._change = 0.0, 0.0  # the longest that was none, and the largest from one to the next
         self._low, self._high = np.inf, -np.inf
 
     def continued(self, q: Array) -> Array:
@@ -71,8 +71,8 @@ class _Undo:
         if finite.size == 0:
             return q
         x = q[finite]
-        steps = np.diff(x, prepend=x[0] if self._last is None else self._last)
-        doubtful = np.flatnonzero(np.abs(steps) > WRAP_STEPS * self._fast)
+        steps = np.diff(x, prepend=np.nan if self._last is None else self._last)
+        doubtful = np.flatnonzero(np.abs(steps) > WRAP_CHANGES * self._change)
         offsets = self._offsets(x, steps, doubtful)
         self._last, self._low = float(x[-1]), min(self._low, float(x.min()))
         self._high = max(self._high, float(x.max()))
@@ -84,34 +84,32 @@ class _Undo:
 
     def _offsets(self, x: Array, steps: Array, doubtful: np.ndarray) -> Array:
         """What each of the rows x lies off, shape (n,); `doubtful` : those whose step may be a wrap."""
-        sizes, offsets = np.abs(steps), np.zeros(x.size)
-        sizes[doubtful] = 0.0
-        longest = np.maximum(np.maximum.accumulate(sizes), self._fast)
+        sizes, changes, offsets = np.abs(steps), np.abs(np.diff(steps, prepend=self._step)), np.zeros(x.size)
+        sizes[doubtful] = changes[doubtful] = changes[np.minimum(doubtful + 1, x.size - 1)] = 0.0
+        longest, largest = np.fmax.accumulate(sizes), np.fmax.accumulate(changes)
         span = np.maximum(np.maximum.accumulate(x), self._high) - np.minimum(np.minimum.accumulate(x), self._low)
-        last = -1
+        last = -2
         for k in doubtful.tolist():
-            step, before = float(steps[k]), self._before(steps, k, last)
-            fast = max(self._fast, float(longest[k]))
-            size = self._turn(step - before, fast)
-            if abs(step) > WRAP_STEPS * fast and abs(step) > WRAP_SHARE * span[k] and size:
+            step, before = float(steps[k]), self._step if k == 0 else float(steps[k - 1])
+            known = last != k - 1 and np.isfinite(before)
+            jump = step - before if known else step
+            fast, change = max(self._fast, float(longest[k])), max(self._change, float(largest[k]))
+            size = self._turn(jump, fast)
+            far = abs(step) > WRAP_SHARE * span[k] and abs(step) > WRAP_CHANGES * (change or fast)
+            if far and size:
                 if fast > 0.0:
                     offsets[k], last = -np.sign(step) * size, k
                     self.wraps += 1
-            elif abs(step) <= WRAP_STEPS * fast or abs(step) <= WRAP_SHARE * span[k] or not fast:
+            elif not far or not fast:
                 self._fast = max(self._fast, abs(step))
-        self._fast = max(self._fast, float(longest[-1]))
-        self._step = 0.0 if last == x.size - 1 else float(steps[-1])
+                self._change = max(self._change, abs(jump) if known else 0.0)
+        self._fast, self._change = max(self._fast, float(longest[-1])), max(self._change, float(largest[-1]))
+        self._step = np.nan if last == x.size - 1 else float(steps[-1])
         offsets = self._offset + np.cumsum(offsets)
         self._offset = float(offsets[-1])
         return offsets
 
-    def _before(self, steps: Array, k: int, last: int) -> float:
-        """The step before step k; 0 after a wrap (`last` is the row of one)."""
-        if k == 0:
-            return self._step
-        return 0.0 if last == k - 1 else float(steps[k - 1])
-
     def _turn(self, step: float, fast: float) -> float:
-        """The turn that is as long as this step; 0 if none is."""
+        """The turn that is as long as this step, and of which the axis goes less than a half at once; 0 if none is."""
         near = float(self._turns[np.argmin(np.abs(self._turns - abs(step)))])
-        return near if abs(near - abs(step)) <= NEAR_STEPS * fast + 1e-6 * near else 0.0
+        return near if abs(near - abs(step)) <= NEAR_STEPS * fast + 1e-6 * near and near > 2.0 * fast else 0.0

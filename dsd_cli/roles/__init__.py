@@ -3,7 +3,8 @@
 found = guess_roles(channels, named)     # named: roles that names and units have given already
 """
 
-from dsd_cli.roles.guess import Guess, Roles, guess_roles
+from dsd_cli.roles.control_input import ONLY_CAUSE, Guess
+from dsd_cli.roles.guess import Roles, guess_roles
 from dsd_cli.signals.facts import Channel, Facts, Slope, facts_of, slope_of
 
-__all__ = ["Channel", "Facts", "Guess", "Roles", "Slope", "facts_of", "guess_roles", "slope_of"]
+__all__ = ["ONLY_CAUSE", "Channel", "Facts", "Guess", "Roles", "Slope", "facts_of", "guess_roles", "slope_of"]

@@ -97,8 +97,8 @@ def _clock(facts: Mapping[str, Facts]) -> Guess | None:
     if not clocks:
         return None
     _, kind, _, name = min(clocks)
-    more = [other for *_, other in clocks if other != name]
-    doubt = f"{', '.join(more[:3])} rises evenly, too" if more else ""
+    more = ", ".join([other for *_, other in clocks if other != name][:3])
+    doubt = f"{more} rises evenly, too" if more else ""
     how = "it counts the samples" if kind == "counter" else f"it rises evenly, in steps of {facts[name].step:.4g}"
     return Guess(name, how, doubt)
 
@@ -114,9 +114,7 @@ def _looked(by_name: Mapping[str, Array], facts: Mapping[str, Facts], found: Map
     rows = min((x.size for x in table.values()), default=0)
     t = by_name[clock][:rows] * scale if clock in by_name else np.arange(rows, dtype=np.float64)
     table = {name: _filled(t, x[:rows]) for name, x in table.items()}
-    good = np.isfinite(t)
-    for x in table.values():
-        good &= np.isfinite(x[:rows])
+    good = np.isfinite(t) & np.all([np.isfinite(x) for x in table.values()], axis=0)
     good[1:] &= np.diff(t, prepend=t[:1])[1:] > 0.0 if rows else True
     values = {name: x[:rows][good] for name, x in table.items()}
     t = t[good]
@@ -138,8 +136,7 @@ def _filled(t: Array, x: Array) -> Array:
 
 def _find_motion(look: Look) -> None:
     """Velocity and position: what is the slope of what."""
-    found = look.found
-    free = look.movable()
+    found, free = look.found, look.movable()
     p, w = (found[role].column if role in found else "" for role in ("position", "velocity"))
     if any(c and c not in look.values for c in (p, w)):
         return
@@ -170,7 +167,10 @@ def _find_motion(look: Look) -> None:
 
 def _fits_motion(look: Look, one: tuple[Slope, str, str], other: tuple[Slope, str, str]) -> bool:
     """Whether a (slope, position, velocity) is one rather than another: what comes before the motion was asked for, and
-    over a long time a target that is followed is a slope as good as the measured speed."""
+    over a long time a target that is followed is a slope as good as the measured speed. Of three of which each is the
+    slope of the one before the last is the acceleration."""
+    if {one[2], other[2]} & {one[1], other[1]} and min(one[0].scale, other[0].scale) > 0.0:
+        return one[2] == other[1]
     spans = (min(one[0].span, other[0].span),)
     mine, its = (slope_of(look.t, look.values[p], look.values[w], spans=spans) for _, p, w in (one, other))
     return (mine.lag >= 0, mine.share) > (its.lag >= 0, its.share + BETTER_SLOPE)
@@ -241,14 +241,13 @@ def _find_reference(look: Look) -> None:
 def _asked_for(look: Look, role: str, other: str, lead: int) -> bool:
     """Whether that settles what is the reference of that motion, of which `other` is `lead` samples ahead."""
     found, mine = look.found, look.found[role]
-    reference = Guess(other, f"as {mine.column}, {lead} samples earlier")
     if lead < 0 and mine.doubt == ONLY_CAUSE:
-        reference = Guess(mine.column, f"as {other}, {-lead} samples earlier")
         found[role] = Guess(other, f"as {mine.column}, {-lead} samples later: measured")
+        other, mine, lead = mine.column, found[role], -lead
     elif lead < 0:
         if mine.reason != AS_TOLD:
             found[role] = replace(mine, doubt=f"{other} is as it, {-lead} samples later: is that what was measured?")
         return False
     if role == "position":
-        found["reference"] = reference
+        found["reference"] = Guess(other, f"as {mine.column}, {lead} samples earlier")
     return True

@@ -9,10 +9,12 @@ import numpy as np
 
 from dsd_cli.signals.log import Array, Log, with_channels
 
-#: A jump of the position by more than this share of its whole range, and by this many usual steps, is a wrap.
-WRAP_SHARE, WRAP_STEPS = 0.4, 20.0
-#: More of its samples than this share are no wraps, and wraps are of one size but for the usual steps beside them.
-WRAPS_MOST, STEPS_BESIDE = 0.02, 2.0
+#: A jump of the position by more than this share of its whole range, and by this many usual changes of its steps, is a
+#: wrap: the steps of a fast axis that is logged slowly are long, but each is about as the one before.
+WRAP_SHARE, WRAP_CHANGES, USUAL = 0.4, 20.0, 95.0
+#: More of its samples than this share are wraps only where the axis went half a turn for each, and wraps are of one size
+#: but for the usual steps beside them.
+WRAPS_MOST, TURN_EACH, STEPS_BESIDE = 0.02, 0.5, 2.0
 #: A step by more than so many times the fast ones of the log, and those beside it, is none that the axis made.
 JUMP_STEPS, FAST, BESIDE = 20.0, 99.0, 3
 #: Share by which a turn is off that was printed with seven digits.
@@ -72,19 +74,26 @@ def unwrapped(q: Array) -> tuple[Array, int, float]:
     steps = np.diff(q)
     if steps.size == 0:
         return q, 0, 0.0
-    usual, span = float(np.percentile(np.abs(steps), 95)), float(np.ptp(q))
-    jumps = np.flatnonzero((np.abs(steps) > WRAP_SHARE * span) & (np.abs(steps) > WRAP_STEPS * usual))
-    if jumps.size == 0 or jumps.size > WRAPS_MOST * q.size:
-        return q, 0, 0.0
+    jumps = np.flatnonzero(np.abs(steps) > WRAP_SHARE * float(np.ptp(q)))
     others, at = np.delete(steps, jumps), jumps - np.arange(jumps.size)  # a jump is a turn less what the axis moved
+    if jumps.size == 0 or others.size < 2 or not _may_be_wraps(steps[jumps], others):
+        return q, 0, 0.0
     moved = 0.5 * (others[np.maximum(at - 1, 0)] + others[np.minimum(at, others.size - 1)])
-    sizes = np.abs(steps[jumps] - moved)
+    sizes, usual = np.abs(steps[jumps] - moved), float(np.percentile(np.abs(others), USUAL))
     turn = _whole_turn(float(np.median(sizes)), usual)
     if np.max(np.abs(sizes - turn)) > STEPS_BESIDE * usual + _PRINTED * turn:
         return q, 0, 0.0
     offsets = np.zeros(q.size)
     offsets[jumps + 1] = -np.sign(steps[jumps]) * turn
     return q + np.cumsum(offsets), int(jumps.size), turn
+
+
+def _may_be_wraps(jumps: Array, others: Array) -> bool:
+    """Whether none of the jumps is as the other steps change, and the axis moves enough for so many."""
+    changes = float(np.percentile(np.abs(np.diff(others)), USUAL))
+    often = jumps.size > WRAPS_MOST * (jumps.size + others.size)
+    far = np.abs(others).sum() > TURN_EACH * np.abs(jumps).sum()
+    return bool(np.abs(jumps).min() > WRAP_CHANGES * changes and (far or not often))
 
 
 def _whole_turn(size: float, usual: float) -> float:

@@ -1,5 +1,7 @@
 """Text with its signals in its rows is read as the same text with them in columns."""
 
+import gzip
+
 import numpy as np
 import pytest
 
@@ -38,6 +40,20 @@ def test_names_units_and_samples(saying, how, samples, tmp_path):
     assert any("stand in its rows" in one for one in table.warnings)
     (looked,) = sample(str(tmp_path / "log.csv")).tables
     assert [one.unit for one in looked.channels] == (list(ROWS.values()) if saying == 2 else [""] * 3)
+
+
+@pytest.mark.parametrize("title", ["Axis 3 test run, 2024-05-01\n", "Recorder 7\n\nRun;12\n"])
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_title_above_them_and_a_packed_file(title, packed, tmp_path):
+    """Of a title above its 3 rows a header was made, of 3,001 columns that no command could use."""
+    found = channels(400)
+    content = (title + text(found, 1)).encode()
+    name = "log.csv.gz" if packed else "log.csv"
+    (tmp_path / name).write_bytes(gzip.compress(content) if packed else content)
+    table = open_table(tmp_path / name, {"t": "Time", "u": "Torque", "position": "Angle"})
+    parts = [batch.columns["position"] for batch in table.batches()]
+    np.testing.assert_allclose(np.concatenate(parts), found["Angle"], atol=5.1e-7)
+    assert any("stand in its rows" in one for one in table.warnings)
 
 
 def test_a_signal_that_counts_is_one(tmp_path):

@@ -60,6 +60,17 @@ def test_turns_of_every_unit(unit, low, factor, kind, size):
     assert said == [f"the position wraps after a turn ({np.sum(np.abs(np.diff(wrapped)) > unit / 2)} times): undone"]
 
 
+@pytest.mark.parametrize("size", [10_000, 7])
+def test_a_fast_axis_that_is_logged_slowly(size):
+    """38 degrees a row: its wraps were no 20 of its steps, and d_hat was that of jumps."""
+    t = 0.02 * np.arange(3000)
+    true = 900.0 * np.sin(1.2 * t) + 300.0 * np.sin(2.6 * t) + 170.0
+    assert 30.0 < np.abs(np.diff(true)).max() < 40.0
+    found, said = undone(np.mod(true, 360.0), TURN / 360.0, size)
+    np.testing.assert_allclose(found, true, atol=1e-9)
+    assert len(said) == 1
+
+
 def test_a_counter_of_many_turns_with_its_counts_to_a_turn():
     true = np.floor(motion("to and fro") / TURN * 10_000 + 65_000)
     found, _ = undone(np.mod(true, 65536.0), TURN / 10_000)

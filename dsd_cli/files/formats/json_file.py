@@ -17,7 +17,7 @@ from dsd_cli.files.content import text_of
 from dsd_cli.files.csv_cells import stamps_in
 from dsd_cli.files.formats.base import InMemory, check_size
 from dsd_cli.files.formats.long_form import form_by_texts, turned
-from dsd_cli.files.formats.messages import fields
+from dsd_cli.files.formats.messages import LONGEST_ARRAY, fields
 from dsd_cli.signals.log import Array
 
 #: Bytes of memory to a byte of text, once it is read.
@@ -88,10 +88,24 @@ def _collect(value: Any, name: str, found: dict[str, Table], rows_of: Mapping[in
         for key, part in value.items():
             if str(key) not in arrays and isinstance(part, Mapping | list):
                 _collect(part, f"{name}/{key}" if name else str(key), found, rows_of)
+    elif _are_tests(value):
+        for at, part in enumerate(value, start=1):
+            _collect(part, f"{name}/{at}" if name else str(at), found, rows_of)
     elif isinstance(value, list) and value:
         table = _records(value) if isinstance(value[0], Mapping) else _rows(value, rows_of)
         if table:
             found.setdefault(name, {}).update(table)
+
+
+def _are_tests(value: Any) -> bool:
+    """Whether it is a list of tests, each with its samples in arrays; short ones are of one message."""
+    return isinstance(value, list) and any(
+        isinstance(one, Mapping)
+        and any(
+            isinstance(part, list) and len(part) > LONGEST_ARRAY and _numbers(part) is not None for part in one.values()
+        )
+        for one in value[:1]
+    )
 
 
 def _numbers(value: Any) -> Array | None:
@@ -154,7 +168,8 @@ def _joined(tables: list[Table]) -> Table:
         alike = [table for table in tables if table.keys() == first.keys()]
         if len(alike) > 1:
             clock = next(iter(first))
-            alike.sort(key=lambda table: float(table[clock][0]))
+            if all(np.all(np.diff(table[clock]) > 0.0) for table in alike):
+                alike.sort(key=lambda table: float(table[clock][0]))
             return {name: np.concatenate([table[name] for table in alike]) for name in first}
     return {}
 

@@ -246,3 +246,19 @@ def test_structs_with_stamps_of_their_own_keep_them_whatever_they_call_themselve
     columns, _ = read(tmp_path / "log.mat", names)
     assert np.array_equal(columns["u"], values["torque"])
     assert np.array_equal(columns["position"], values["angle"])
+
+
+@pytest.mark.parametrize("clock", [False, True])
+def test_tests_in_a_list_are_read_one_after_the_other(clock, tmp_path):
+    """Their arrays were left out, and what the file says of its joint's limits was all of it."""
+    tests = [channels(300), channels(200)]
+    for one in tests:
+        one["u"] = one["u"][::-1]  # which does not rise, and is no clock
+    names = ("t", "u", "velocity") if clock else ("u", "velocity")
+    data = [{"type": "sine", "targets": ["a"]} | {name: one[name].tolist() for name in names} for one in tests]
+    document = {"config": {"hz": 50, "joint_limits": [-0.6, 0.6]}, "data": data}
+    (tmp_path / "rig.json").write_text(json.dumps(document))
+    found, said = read(tmp_path / "rig.json", {"u": "u", "velocity": "velocity"})
+    for name, values in found.items():
+        np.testing.assert_array_equal(values, np.concatenate([one[name] for one in tests]))
+    assert any("2 tests with the same columns" in one for one in said)
