@@ -12,8 +12,8 @@ from dsd_cli.signals.log import Array, Log, with_channels
 #: A jump of the position by more than this share of its whole range, and by this many usual changes of its steps, is a
 #: wrap: the steps of a fast axis that is logged slowly are long, but each is about as the one before.
 WRAP_SHARE, WRAP_CHANGES, USUAL = 0.4, 20.0, 95.0
-#: More of its samples than this share are wraps only where the axis went half a turn for each, and wraps are of one size
-#: but for the usual steps beside them.
+#: More of its samples than this share are wraps only where the axis went half a turn for each, and wraps are of one
+#: size but for the usual steps beside them.
 WRAPS_MOST, TURN_EACH, STEPS_BESIDE = 0.02, 0.5, 2.0
 #: A step by more than so many times the fast ones of the log, and those beside it, is none that the axis made.
 JUMP_STEPS, FAST, BESIDE = 20.0, 99.0, 3

@@ -14,7 +14,7 @@ def test_a_position_within_a_turn_goes_on(turn: float, rows_a_turn: float) -> No
     t = np.arange(3000)
     q = turn * (t / rows_a_turn + 30.0 / rows_a_turn * np.sin(0.01 * t))
     found, wraps, size = unwrapped(np.mod(q, turn))
-    assert wraps > 10 and size == turn
+    assert (wraps > 10, size) == (True, turn)
     np.testing.assert_allclose(found - found[0], q - q[0], atol=1e-6 * turn)
 
 
