@@ -107,23 +107,40 @@ def candidates(now: DetectorSettings, noise: float, samples: int) -> Iterator[De
     least = LEAST_WINDOW if method == "profile" else 1
     windows = [w for w in WINDOWS if least <= w <= max(samples // 10, least)] if method != "imm" else [now.window]
     transitions = [Transition(), *(Transition(stay=1.0 - leave) for leave in LEAVES)]
+    if method == "profile":  # which weighs no way from state to state
+        transitions = [now.transition]
     for window in windows:
         for transition in transitions:
             for factor in RHOS:
                 yield replace(now, method=method, window=window, rho=factor * noise, transition=transition)
 
 
-def choose(evidence: Evidence, path: Path, noise: float, alarms: Callable[[DetectorSettings], int]) -> Choice:
+def choose(
+    evidence: Evidence,
+    path: Path,
+    noise: float,
+    alarms: Callable[[DetectorSettings], int],
+    done: Callable[[float], None] = lambda _share: None,
+) -> Choice:
     """The best agreement; within SLACK of it the fewest changes of the label, then of false ones in simulated logs.
 
     Parameters
     ----------
     noise : the least rho, unit of u.
     alarms : false changes of the label in some simulated logs; asked of the MOST_SIMULATED best only.
+    done : called with the share that is done.
     """
-    now = evidence.engine.settings
-    tried = [judged(evidence, settings, path) for settings in candidates(now, noise, len(evidence.inputs.u))]
+
+    def counted(choice: Choice, at: int, of: int, half: float) -> Choice:
+        done(half + 0.5 * at / of)
+        return choice
+
+    now, samples = evidence.engine.settings, len(evidence.inputs.u)
+    wanted = list(candidates(now, noise, samples))
+    tried = [counted(judged(evidence, one, path), at, len(wanted), 0.0) for at, one in enumerate(wanted)]
     best = max(choice.agreement for choice in tried)
     near = [choice for choice in tried if choice.agreement >= best - SLACK]
     near.sort(key=lambda choice: (choice.changes, -round(choice.confident, 3), choice.settings.window))
-    return min(near[:MOST_SIMULATED], key=lambda choice: (choice.changes, alarms(choice.settings)))
+    near = near[:MOST_SIMULATED]
+    scored = [(choice.changes, alarms(counted(choice, at, len(near), 0.5).settings)) for at, choice in enumerate(near)]
+    return near[scored.index(min(scored))]

@@ -72,9 +72,10 @@ class Evidence:
     engine: Engine
 
     def run(self, settings: DetectorSettings, inputs: Inputs | None = None) -> Labels:
-        """Labels of the recording (or of other inputs on its clock) with that tuning."""
+        """Labels of the recording (or of other inputs on its clock) with that tuning; changes beside them are not
+        looked for, which cost most of the time and are in no label."""
         inputs = inputs or self.inputs
-        one = Engine(self.engine.grid, settings, self.engine.measurement)
+        one = Engine(self.engine.grid, replace(settings, change=0.0), self.engine.measurement)
         return one.run(inputs.u, inputs.d_hat, t=inputs.t, forces=inputs.forces)
 
     def with_grid(self, grid: Grid) -> Evidence:

@@ -81,6 +81,7 @@ def tune(evidence: Evidence, progress: Callable[[str, float], None] = lambda _wh
         path,
         _least_rho(fitted, path),
         lambda settings: sum(false_changes(evidence, settings, one) for one in quiet),
+        lambda share: progress("trying tunings", 0.2 + 0.6 * share),
     )
     progress("simulating what to expect", 0.8)
     return Tuning(

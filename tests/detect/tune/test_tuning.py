@@ -2,12 +2,17 @@
 
 import json
 import tomllib
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from bench.beyond import _tuning_runs as runs
+from dsd_cli.detect.engine import Engine
+from dsd_cli.detect.profile.changes import ChangeTest
+from dsd_cli.detect.transition import Transition
+from dsd_cli.detect.tune.choose import candidates
 from dsd_cli.detect.tune.tuning import tune
 from dsd_cli.errors import UsageError
 from dsd_cli.files.config.values_edit import with_keys
@@ -23,6 +28,22 @@ def test_at_least_as_good_as_the_best_of_125_tunings_within_2_percent(name):
     got = runs.correct(evidence.with_grid(tuning.grid), tuning.after.settings, log)
     assert got >= best - 0.02
     assert got > runs.correct(evidence, evidence.engine.settings, log)
+
+
+def test_of_the_profile_only_what_its_labels_depend_on_is_tried(monkeypatch):
+    """It took 40 s for 3 s of log: A, which it weighs nowhere, six times, and changes, which are in no label."""
+    evidence, _ = runs.evidence("moves with rests")
+    settings = replace(evidence.engine.settings, method="profile")
+    tried = list(candidates(settings, 0.02, 3000))
+    assert len({(one.window, one.rho) for one in tried}) == len(tried)
+    assert {one.transition for one in tried} == {settings.transition}
+    others = replace(settings, transition=Transition(stay=1.0 - 1e-6), change=0.0)
+    one, other = (Engine(evidence.engine.grid, each, evidence.engine.measurement) for each in (settings, others))
+    inputs = evidence.inputs
+    found = [each.run(inputs.u, inputs.d_hat, t=inputs.t, forces=inputs.forces) for each in (one, other)]
+    np.testing.assert_array_equal(found[0].state, found[1].state)
+    monkeypatch.setattr(ChangeTest, "_part", None)  # which it does not call
+    np.testing.assert_array_equal(evidence.run(settings).state, found[0].state)
 
 
 def test_noise_and_changes_are_those_of_the_simulation():
