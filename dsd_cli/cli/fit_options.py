@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 StatesOption = Annotated[
     bool,
-    typer.Option("--states", help="Lay [states], rho and (where d_hat is not logged) Jn around the new model, too."),
+    typer.Option("--states", help="Set [states], rho and (where d_hat is not logged) Jn by the new model, too."),
 ]
 
 

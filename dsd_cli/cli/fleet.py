@@ -86,7 +86,7 @@ def detect(options: FleetOptions, logs: FleetLogs = None) -> None:
 @app.command("compare")
 @spread
 def compare(options: FleetOptions, logs: FleetLogs = None) -> None:
-    """Hold the model against every log; a row has the errors and on what they depend."""
+    """Compare the model with every log; a row has the errors and on what they depend."""
     _run("compare", logs, options)
 
 

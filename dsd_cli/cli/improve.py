@@ -21,7 +21,9 @@ if TYPE_CHECKING:
     from dsd_cli.identify.results import Ladder
     from dsd_cli.identify.validation import Validation
 
-LogsOrNone = Annotated[list[str] | None, typer.Argument(metavar="LOG...", help="CSV or Parquet files; - is stdin.")]
+LogsOrNone = Annotated[
+    list[str] | None, typer.Argument(metavar="LOG...", help="Log files (CSV, Parquet, MF4, ...); - is stdin.")
+]
 ConfigOut = Annotated[
     str | None,
     typer.Option("-o", "--output", metavar="FILE", help="Config to write, may be that of -c; - is stdout."),

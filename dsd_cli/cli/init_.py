@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,7 +16,15 @@ from dsd_cli.errors import DsdError, printable, source_name
 if TYPE_CHECKING:
     from dsd_cli.cli.init_log import Asked, Proposed
 
-ColumnOption = Annotated[str | None, typer.Option(metavar="NAME", help="Column of LOG, by its name or its number.")]
+
+def _column(of: str) -> Any:
+    return typer.Option(metavar="NAME", help=f"Column of the {of}, by its name or its number.")
+
+
+UColumn = Annotated[str | None, _column("control input (torque, force, current or voltage)")]
+PositionColumn = Annotated[str | None, _column("measured position")]
+VelocityColumn = Annotated[str | None, _column("measured velocity")]
+TimeColumn = Annotated[str | None, _column("time")]
 
 
 def init(
@@ -33,10 +41,10 @@ def init(
             help="lab (your own recording), paper-step, paper-sine, paper-delay-change, damping or servo.",
         ),
     ] = None,
-    u: ColumnOption = None,
-    position: ColumnOption = None,
-    velocity: ColumnOption = None,
-    time: ColumnOption = None,
+    u: UColumn = None,
+    position: PositionColumn = None,
+    velocity: VelocityColumn = None,
+    time: TimeColumn = None,
     override: Annotated[
         list[str] | None,
         typer.Option(

@@ -14,6 +14,8 @@ from dsd_cli.cli.coercion import use_plain_coercion
 from dsd_cli.cli.sharing import with_option
 from dsd_cli.cli.user_effects import TrustOption
 
+#: Of every command, also of those of a group.
+HELP = {"help_option_names": ["-h", "--help"]}
 #: Command -> (module in `dsd_cli.cli`, function, one line for `dsd --help`). A new command is a file and a line here.
 COMMANDS = {
     "init": ("init_", "init", "Write a commented dsd.toml to start from."),
@@ -46,11 +48,10 @@ def load_command(name: str) -> Any:
     if isinstance(found, typer.Typer):  # a command with commands of its own
         app = found
         for one in app.registered_commands:
-            one.callback = _with_trust(one.callback)
+            one.callback, one.context_settings = _with_trust(one.callback), HELP
     else:
         app = typer.Typer(add_completion=False, rich_markup_mode=None)
-        settings = {"help_option_names": ["-h", "--help"]}
-        app.command(name, short_help=short_help, context_settings=settings)(_with_trust(found))
+        app.command(name, short_help=short_help, context_settings=HELP)(_with_trust(found))
     command = get_command(app)
     for one in (command, *getattr(command, "commands", {}).values()):
         use_plain_coercion(one)

@@ -50,7 +50,7 @@ def passport(
     effects_from: EffectsFromOption = None,
     quiet: QuietOption = False,
 ) -> None:
-    """Fit the values of CONFIG to each LOG anew, and hold them against limits around those of the delivery.
+    """Fit the values of CONFIG to each LOG anew, and compare them with limits around the values as delivered.
 
     The newest log decides (by the date in its name or in the file, else the last one given). Exit code 3 if it is
     outside of a limit, or if that cannot be decided: one line says what changed, by how many sigma, and since which

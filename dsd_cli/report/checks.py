@@ -133,7 +133,7 @@ def facts(result: CheckResult) -> list[str]:
 
 
 def _moves(did: Excitation, units: Units) -> list[str]:
-    enough = f"enough for {did.effects} effect{'' if did.effects == 1 else 's'}"
+    enough = f"enough to cross-validate {did.effects} effect{'' if did.effects == 1 else 's'}"
     if did.moving is None or did.top_speed is None or did.travel is None:
         return [f"no motion is logged; u turns {did.stretches} times: {enough}"]
     share = f"{100.0 * did.moving:.0f} % of the time"

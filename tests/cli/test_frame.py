@@ -32,6 +32,12 @@ def test_help_lists_the_commands_of_this_release() -> None:
     assert "\x1b" not in done.stdout
 
 
+@pytest.mark.parametrize("command", ["init", "fleet detect", "fleet merge"])
+def test_every_command_has_a_short_help(command: str) -> None:
+    short, whole = (dsd(*command.split(), option) for option in ("-h", "--help"))
+    assert (short.returncode, short.stdout) == (0, whole.stdout)
+
+
 def test_no_command_shows_the_help_as_an_error() -> None:
     done = dsd()
     assert (done.returncode, done.stdout) == (2, "")
