@@ -78,7 +78,7 @@ def dsd(
         typer.Option("--version", callback=_show_version, is_eager=True, help="Show version and kernel, and exit."),
     ] = False,
 ) -> None:
-    """Disturbance State Distinction: which physics the model of a servo axis lacks, which delay and inertia hold now."""
+    """Disturbance State Distinction: which physics a servo axis' model lacks, which delay and inertia hold now."""
 
 
 def main() -> NoReturn:
