@@ -20,6 +20,8 @@ class LiveCells:
 
     def __init__(self) -> None:
         self._decimal: dict[int, str] = {}
+        self._doubtful: dict[tuple[int, str], tuple[int, str]] = {}  # whose sign nothing showed: how many, the first
+        self._told: list[str] = []
         self._rows = self._blank = 0
 
     def read(self, at: int, text: str, stamp: bool = False) -> float:
@@ -36,14 +38,29 @@ class LiveCells:
             if not sign or known == sign:
                 return value
             if not LARGE.fullmatch(text.strip()):
-                self._decimal[at] = sign
+                self._learn(at, sign, text)
                 return value
-            return value if known is None else Written(sign, known).value(text)
+            if known is None:
+                count, first = self._doubtful.get((at, sign), (0, text.strip()))
+                self._doubtful[at, sign] = count + 1, first
+                return value
+            return Written(sign, known).value(text)
         how = written([text]) or Written()
         if how.unit or not how.thousands:
             raise ValueError(text)
-        self._decimal[at] = how.decimal
+        self._learn(at, how.decimal, text)
         return how.value(text)
+
+    def _learn(self, at: int, decimal: str, text: str) -> None:
+        """That sign is the decimal one of the column, as a cell shows."""
+        self._decimal[at] = decimal
+        count, first = self._doubtful.get((at, "." if decimal == "," else ","), (0, ""))
+        if count:
+            self._told.append(
+                f'column {at + 1}: "{text.strip()}" shows that its decimal sign is "{decimal}"; {count:,} cell(s) before, '
+                f'the first "{first}", were read a thousand times too small, which they are not in a file'
+            )
+        self._doubtful = {key: one for key, one in self._doubtful.items() if key[0] != at}
 
     def count(self, row: Sequence[float]) -> None:
         """Remember whether a row lacks a value."""
@@ -52,8 +69,11 @@ class LiveCells:
 
     @property
     def said(self) -> list[str]:
-        """That most rows lack a value, where they do: as channels have that are logged each by itself."""
+        """Cells that were read wrongly; that most rows lack a value: as of channels that are logged each by itself."""
         if self._rows < ROWS or 2 * self._blank < self._rows:
-            return []
+            return [*self._told]
         what = f"{self._blank:,} of {self._rows:,} rows lack a value and are left out"
-        return [f"{what}: channels that were logged each by itself, or on change, are joined in a file only"]
+        return [
+            *self._told,
+            f"{what}: channels that were logged each by itself, or on change, are joined in a file only",
+        ]

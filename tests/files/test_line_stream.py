@@ -207,3 +207,15 @@ def test_cells_that_are_blank_in_most_rows_of_a_stream_are_said(alone, said):
     stream = LineStream(pipe_with(b"t,u\n" + lines.encode()), WANTED)
     rows_of(stream.batches())
     assert any("200 of 300 rows lack a value" in one for one in stream.warnings) == said
+
+
+SHOWN = 'column 2: "999,5" shows that its decimal sign is ","; 2 cell(s) before, the first "1.234"'
+
+
+@pytest.mark.parametrize(("cells", "told"), [(["1.234", "2.345", "999,5"], SHOWN), (["1.234", "0.5", "2.345"], "")])
+def test_a_decimal_sign_that_a_column_shows_late_is_said(cells, told):
+    lines = "".join(f"{k};{cell}\n" for k, cell in enumerate(cells))
+    stream = LineStream(pipe_with(f"t;u\n{lines}".encode()), WANTED)
+    rows_of(stream.batches())
+    found = [one for one in stream.warnings if "decimal sign" in one]
+    assert [one.startswith(told) for one in found] == ([True] if told else [])
