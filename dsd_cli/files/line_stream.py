@@ -81,7 +81,12 @@ class LineStream:
 
     @property
     def warnings(self) -> list[str]:
-        return [*self._notes, *self._head.said("t" in self.columns), *self._scaling.said, *self._cells.said]
+        return [
+            *self._notes,
+            *self._head.said("t" in self.columns),
+            *self._scaling.said,
+            *self._cells.said(self.column_names),
+        ]
 
     def batches(self) -> Iterator[Batch]:
         try:

@@ -20,8 +20,8 @@ class LiveCells:
 
     def __init__(self) -> None:
         self._decimal: dict[int, str] = {}
-        self._doubtful: dict[tuple[int, str], tuple[int, str]] = {}  # whose sign nothing showed: how many, the first
-        self._told: list[str] = []
+        self._doubtful: dict[tuple[int, str], str] = {}  # the first whose sign nothing showed to be decimal
+        self._late: list[tuple[int, str, str, str]] = []  # column, what showed which sign, the first by the other one
         self._rows = self._blank = 0
 
     def read(self, at: int, text: str, stamp: bool = False) -> float:
@@ -41,8 +41,7 @@ class LiveCells:
                 self._learn(at, sign, text)
                 return value
             if known is None:
-                count, first = self._doubtful.get((at, sign), (0, text.strip()))
-                self._doubtful[at, sign] = count + 1, first
+                self._doubtful.setdefault((at, sign), text.strip())
                 return value
             return Written(sign, known).value(text)
         how = written([text]) or Written()
@@ -54,12 +53,8 @@ class LiveCells:
     def _learn(self, at: int, decimal: str, text: str) -> None:
         """That sign is the decimal one of the column, as a cell shows."""
         self._decimal[at] = decimal
-        count, first = self._doubtful.get((at, "." if decimal == "," else ","), (0, ""))
-        if count:
-            self._told.append(
-                f'column {at + 1}: "{text.strip()}" shows that its decimal sign is "{decimal}"; {count:,} cell(s) before, '
-                f'the first "{first}", were read a thousand times too small, which they are not in a file'
-            )
+        if first := self._doubtful.get((at, "." if decimal == "," else ",")):
+            self._late.append((at, text.strip(), decimal, first))
         self._doubtful = {key: one for key, one in self._doubtful.items() if key[0] != at}
 
     def count(self, row: Sequence[float]) -> None:
@@ -67,13 +62,14 @@ class LiveCells:
         self._rows += 1
         self._blank += any(map(math.isnan, row))
 
-    @property
-    def said(self) -> list[str]:
-        """Cells that were read wrongly; that most rows lack a value: as of channels that are logged each by itself."""
-        if self._rows < ROWS or 2 * self._blank < self._rows:
-            return [*self._told]
-        what = f"{self._blank:,} of {self._rows:,} rows lack a value and are left out"
-        return [
-            *self._told,
-            f"{what}: channels that were logged each by itself, or on change, are joined in a file only",
+    def said(self, names: Sequence[str]) -> list[str]:
+        """Cells that were read wrongly; that most rows lack a value, as of channels that are logged each by itself."""
+        late = [
+            f'column "{names[at] if at < len(names) else at + 1}": "{cell}" shows that its decimal sign is "{sign}"; '
+            f'what came before it as "{first}" was read a thousand times too small, which it is not in a file'
+            for at, cell, sign, first in self._late
         ]
+        if self._rows < ROWS or 2 * self._blank < self._rows:
+            return late
+        what = f"{self._blank:,} of {self._rows:,} rows lack a value and are left out"
+        return [*late, f"{what}: channels that were logged each by itself, or on change, are joined in a file only"]

@@ -209,7 +209,7 @@ def test_cells_that_are_blank_in_most_rows_of_a_stream_are_said(alone, said):
     assert any("200 of 300 rows lack a value" in one for one in stream.warnings) == said
 
 
-SHOWN = 'column 2: "999,5" shows that its decimal sign is ","; 2 cell(s) before, the first "1.234"'
+SHOWN = 'column "u": "999,5" shows that its decimal sign is ","; what came before it as "1.234" was read a thousand'
 
 
 @pytest.mark.parametrize(("cells", "told"), [(["1.234", "2.345", "999,5"], SHOWN), (["1.234", "0.5", "2.345"], "")])
