@@ -24,6 +24,8 @@ _NUMBER = re.compile(r"(?:/\d+|\s*[\[(]\d+[\])])+$")
 #: What a simulator of circuits calls a voltage or current that stands for something else: V(torque).
 _PROBE = re.compile(r"[VI]\(([A-Za-z_]\w*)\)")
 HEX = re.compile(r"0x[0-9a-fA-F]+")
+#: Letters and short words have no plural that says anything.
+_LETTERS = 3
 #: What the time of one channel is called below it.
 _CLOCK = "time"
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|°|[\u3041-\u30ff\u4e00-\u9fff]+")
@@ -47,13 +49,25 @@ def is_unit(text: str) -> bool:
     return any(unit in table for table in known)
 
 
+#: Words that have a plural in names of arrays: torques, velocities.
+_KNOWN = {word for words in (*WORDS.values(), ASKED, MEASURED, ELSE) for word in words}
+
+
 def words_in(name: str) -> list[str]:
-    """The words in a name, small."""
+    """The words in a name, small, and as one of what they are the names of."""
     found: list[str] = []
     for word in map(str.lower, _WORD.findall(name)):
         parts = _COMPOUND.fullmatch(word)
-        found += _TOGETHER.findall(word) or ([part for part in parts.groups() if part] if parts else [word])
+        one = _singular(word)
+        found += _TOGETHER.findall(word) or ([part for part in parts.groups() if part] if parts else [one])
     return found
+
+
+def _singular(word: str) -> str:
+    if word in _KNOWN or not word.endswith("s"):
+        return word
+    ones = (word[:-1], f"{word[:-3]}y" if word.endswith("ies") else "")
+    return next((one for one in ones if one in _KNOWN and len(one) > _LETTERS), word)
 
 
 def unit_in(name: str, channel: str) -> str:

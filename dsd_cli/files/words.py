@@ -29,6 +29,7 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 #: Words of what was asked for, not measured.
 ASKED = {
     "ref", "reference", "set", "setpoint", "target", "desired", "des", "soll", "cmd", "command", "demand", "goal",
+    "commanded", "demanded", "requested",
     "指令",
 }  # fmt: skip
 #: And one of them in short, of a name with more words.

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.files.config import load_config
+from dsd_cli.files.recognise import recognise
 from tests.cli.rig import done
 from tests.files import strangers
 
@@ -40,3 +41,19 @@ def test_a_motion_that_only_its_cause_tells_is_doubted_with_the_option_that_sett
     found = next(line for line in said.splitlines() if '"sensor data"' in line)
     other = "velocity" if found.strip().startswith("position") else "position"
     assert f"if it is the {other}: --{other} 'sensor data'" in found
+
+
+@pytest.mark.parametrize(
+    ("columns", "found"),
+    [
+        (("times", "positions", "velocities", "torques"), "time position velocity u"),
+        (("timestamps", "joint_positions", "joint_velocities", "joint_torques"), "time position velocity u"),
+        (("t", "target_angles", "angles", "efforts"), "time reference position u"),
+        (("t", "commanded_position", "position", "torque"), "time reference position u"),
+        (("temps", "status", "position_limits", "errors"), "time"),
+    ],
+)
+def test_arrays_are_named_in_the_plural(columns: tuple[str, ...], found: str) -> None:
+    """`positions`, `velocities`, `torques` of a script's .npz or JSON were words of nothing."""
+    named = {one.column: role for role, one in recognise(columns).items()}
+    assert " ".join(named[column] for column in columns if column in named) == found
