@@ -94,7 +94,7 @@ def format_of(path: str | Path, head: bytes) -> Format | None:
     if [cell.strip() for cell in text.partition(b"\n")[0].split(b";")] == [b"[key]", b"[value]"]:
         return CODESYS
     if text[:1] in (b"{", b"[") and not text.startswith(b"{'"):  # the latter is how Python prints it
-        return None if _is_units_first(text) else JSON
+        return PAIRS if are_pairs(head) else None if _is_units_first(text) else JSON  # `[   1.250] axis: q=1.25 tau=2`
     if is_teleplot(head):
         return TELEPLOT
     if is_scope(path, head):
