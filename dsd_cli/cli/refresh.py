@@ -27,6 +27,8 @@ if TYPE_CHECKING:
 _QUIETEST = 0.95
 #: Digits of what is written, and share of a value by which a candidate may be off it.
 _DIGITS, _NEAR = 4, 1e-3
+#: Share of the least step between candidates by which the nearest one may be off a value that it serves as well as.
+_SERVES = 0.1
 #: Times what suits the model up to which a rho labels as well: it is asked for 1 to 2 times what a model leaves.
 _RHO_SUITS = 2.0
 
@@ -61,8 +63,9 @@ def lacking(config: Config, given: Given, model: PlantModel) -> str:
     if config.states is None:
         return ""
     grids = ("delay", model.delay, config.states.delays), ("inertia", model.inertia, config.states.inertias)
-    missing = [f"{name} {value:.4g}" for name, value, grid in grids if not _has(grid, value)]
-    said = [f"{' and '.join(missing)} of [model] is no candidate of [states]"] if missing else []
+    missing = [f"{name} {value:.4g}" for name, value, grid in grids if not _serves(grid, value)]
+    what = "is no candidate" if len(missing) == 1 else "are no candidates"
+    said = [f"{' and '.join(missing)} of [model] {what} of [states]"] if missing else []
     rho = suits = config.detector.rho
     with suppress(DataError):  # of a log that is too short for d_hat the fit may be good all the same
         suits = _rho(given, model, 1.0)
@@ -128,6 +131,12 @@ def _rho(given: Given, model: PlantModel, scale: float) -> float:
 
 def _has(grid: Sequence[float], value: float) -> bool:
     return any(math.isclose(one, value, rel_tol=_NEAR, abs_tol=1e-9) for one in grid)
+
+
+def _serves(grid: Sequence[float], value: float) -> bool:
+    """Whether a candidate is so near that labels are the same."""
+    steps = np.diff(np.sort(grid))
+    return _has(grid, value) or (steps.size > 0 and abs(_nearest(grid, value) - value) < _SERVES * float(steps.min()))
 
 
 def _nearest(grid: Sequence[float], value: float) -> float:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsd_cli.cli.refresh import with_delay, with_inertia
+from dsd_cli.cli.refresh import _serves, with_delay, with_inertia
 from tests.cli.rig import FEW, done, dsd
 
 ROOT = Path(__file__).parents[2]
@@ -30,7 +30,7 @@ def rig(tmp_path: Path) -> Path:
 def test_improve_lays_the_candidates_around_the_new_model(rig: Path) -> None:
     blunt = ("--set", "detector.rho=0.25")  # of the model that lacked friction, as `dsd init` takes it
     said = done("add", LOG, "coulomb_friction", *blunt, "-o", "plain.toml", cwd=rig).stderr
-    grids = re.search(r"delay (\S+) and inertia (\S+) of \[model\] is no candidate of \[states\], and", said)
+    grids = re.search(r"delay (\S+) and inertia (\S+) of \[model\] are no candidates of \[states\], and", said)
     model = tomllib.loads((rig / "plain.toml").read_text())["model"]
     assert [float(x) for x in grids.groups()] == pytest.approx([model["delay"], model["inertia"]], rel=1e-3)
     assert model["inertia"] == pytest.approx(TRUTH["inertia"], rel=0.01)  # the delay is bent by what is missing still
@@ -50,6 +50,20 @@ def test_improve_lays_the_candidates_around_the_new_model(rig: Path) -> None:
             near = abs(result["final"][name] / value - 1.0) < 0.01
             assert near is (config == "new.toml"), (config, name)
     assert shares["new.toml"] > 0.9
+
+
+@pytest.mark.parametrize(
+    ("grid", "value", "serves"),
+    [
+        ((0.0, 0.01, 0.02), 7e-5, True),
+        ((0.0, 0.01), 0.0013, False),
+        ((0.02, 0.04, 0.08), 0.0415, True),
+        ((0.1,), 0.2, False),
+    ],
+)
+def test_a_candidate_that_is_off_by_less_than_labels_show_is_one(grid, value, serves):
+    """ "delay 6.9e-05 is no candidate" was said of 0, 10 and 20 ms."""
+    assert _serves(grid, value) is serves
 
 
 def test_a_computed_d_hat_takes_the_new_inertia_for_jn(rig: Path) -> None:
