@@ -7,7 +7,7 @@ import pytest
 
 from dsd_cli.files.config import load_config
 from dsd_cli.files.recognise import recognise
-from tests.cli.rig import done
+from tests.cli.rig import done, dsd
 from tests.files import strangers
 
 AXIS = strangers.axis()
@@ -57,3 +57,12 @@ def test_arrays_are_named_in_the_plural(columns: tuple[str, ...], found: str) ->
     """`positions`, `velocities`, `torques` of a script's .npz or JSON were words of nothing."""
     named = {one.column: role for role, one in recognise(columns).items()}
     assert " ".join(named[column] for column in columns if column in named) == found
+
+
+def test_a_config_that_waits_for_the_time_between_rows_says_so(tmp_path: Path) -> None:
+    """Behind the question of `init` stood "must be a number of at least 1e-09"."""
+    rows = strangers.rows(AXIS, AXIS["u"], AXIS["q"], AXIS["v"])
+    path = strangers.text(tmp_path, "run.csv", ["torque,position,velocity", *rows])
+    assert "how many s are its rows apart" in dsd("init", path.name, cwd=tmp_path).stderr
+    said = dsd("check", path.name, cwd=tmp_path).stderr
+    assert "the time between rows is not given: say it, for example --set signals.sample_time=" in said

@@ -35,6 +35,18 @@ def _control_input() -> Rule:
     return Rule("a text", read)
 
 
+def _between_rows() -> Rule:
+    """A time that must be there; 0 is what `dsd init` leaves where it could not say how long it is."""
+    whole = number(lower=SHORTEST)
+
+    def read(value: Any, at: Place) -> float:
+        if value == 0 and not isinstance(value, bool):
+            raise at.refused(value, f"the time between rows is not given: say it, for example --set {at.path}=0.001")
+        return float(whole.read(value, at))
+
+    return Rule(whole.allowed, read)
+
+
 def _unit() -> Rule:
     def read(value: Any, at: Place) -> str:
         if not isinstance(value, str) or len(value) > 20 or not value.isprintable():
@@ -69,7 +81,7 @@ class Signals(Section):
 
     time: str | None = _column("t", "the time of the sample")
     sample_time: float | None = key(
-        number(lower=SHORTEST), "time between samples, for logs without a time column", "s", default=None
+        _between_rows(), "time between samples, for logs without a time column", "s", default=None
     )
     time_unit: Literal["s", "ms", "us", "ns", "100ns"] = key(
         choice("s", "ms", "us", "ns", "100ns"), "unit of the time column", default="s"
