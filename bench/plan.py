@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ import numpy as np
 from bench.marked import put
 from bench.plan_page import PAGE, figures
 from dsd_cli.cli.plan_loop import left_open, misled
+from dsd_cli.design.limits import limits_of
 from dsd_cli.design.plan import Wanted, plan_next
 from dsd_cli.design.results import Motion, Plan
 from dsd_cli.design.targets import apart, targets_of
@@ -207,22 +209,26 @@ def _anew(search: Search, whole: Any, known: Any) -> Any:
 
 
 def kept(case: RigCase, kind: str) -> Row | None:
-    """How often plans of one log break a limit on the rig: what is open, in shorter, longer, narrower ones. What is
-    expected of them, of one plant: nobody asks for it."""
-    if (known := opened(case, kind)) is None:
+    """How often plans of one log break a limit on the rig: what is open, in shorter, longer, narrower ones, and within
+    limits that are drawn, each 1.1 to 3 times what the log reached. What is expected of them, of one plant: nobody asks
+    for it."""
+    if (known := opened(case, kind)) is None or not left_open(known[-1]):
         return None
-    machine, _, said = known
+    machine, first, said = known
     limits = machine.limits
     middle = 0.5 * sum(limits["position"])
     narrow = {n: (0.5 * a, 0.5 * b) for n, (a, b) in limits.items()}
     narrow["position"] = tuple(0.5 * (x + middle) for x in limits["position"])  # type: ignore[assignment]
     asked = [Wanted(limits=limits, seconds=(s,)) for s in (4.0, 10.0, 20.0)]
-    asked += [Wanted(limits=narrow), Wanted(("inertia",), limits=limits)]
+    asked += [Wanted(limits=narrow), Wanted(limits=_drawn(machine, first))]
     row: Row = {"what": case.what[0], "seed": case.seed, "kind": kind, "plans": 0, "broken": [], "refused": 0}
+    row["cpu"] = []
     for k, wanted in enumerate(asked):
+        begin = time.process_time()
         try:
             with patch("dsd_cli.design.plan._DRAWS_SAID", 1):
                 plan = plan_next(*machine.kept[-1], said, machine.observer, wanted)
+            row["cpu"].append(time.process_time() - begin)
         except DsdError:
             row["refused"] += 1
             continue
@@ -231,6 +237,15 @@ def kept(case: RigCase, kind: str) -> Row | None:
             row["plans"] += 1
             row["broken"] += [broken] if (broken := _broken(plan, exact)) else []
     return row
+
+
+def _drawn(machine: Machine, log: Recording) -> dict[str, tuple[float, float]]:
+    """Limits of which each is 1.1 to 3 times what a log reached."""
+    times = np.exp(np.random.default_rng(machine.case.seed).uniform(np.log(1.1), np.log(3.0), 4)).tolist()
+    reached = limits_of([log], {}, math.nan, machine.kept[-1][0].equations.band.hz)
+    middle, half = 0.5 * (reached.low + reached.high), 0.5 * times[0] * (reached.high - reached.low)
+    sizes = zip(("velocity", "acceleration", "u"), times[1:], strict=True)
+    return {"position": (middle - half, middle + half)} | {n: (0.0, x * getattr(reached, n)) for n, x in sizes}
 
 
 #: How much slower a log is than the machine's usual motion in which friction is nearly all of u.

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dsd_cli.design.limits import Limits
 from dsd_cli.design.rows import Model, shapes_of
-from dsd_cli.effects import Effect, Role, catalogue, get_effect
+from dsd_cli.effects import Channels, Effect, Role, catalogue, get_effect
 from dsd_cli.identify.fit.bank import FIXED, SHARE
 from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
 from dsd_cli.identify.fit.covariance import root_of
@@ -24,6 +25,9 @@ from dsd_cli.signals.log import Array
 #: Draws of the values of an explanation: one more goes beyond all of them less often than once in a hundred. Their
 #: seed; standard errors to what may be; share by which a value changes at most.
 DRAWS, _SEED, _FARTHEST, _WIDEST = 100, 20261123, 2.0, 0.5
+#: Share of the largest u that drag and friction which grow with the speed take at the limit of speed: drives are sized
+#: for more than that.
+_GROWN = 0.25
 
 
 @dataclass(frozen=True)
@@ -137,6 +141,22 @@ def falling(search: Search, one: PlantModel, found: Fit, unexplained: float) -> 
     return (replace(rest, effects={**rest.effects, gone.id: values}),)
 
 
+def grown(search: Search, one: Explanation, limits: Limits) -> tuple[PlantModel, ...]:
+    """Plants in which beside that a force grows with the speed, as large as slow logs leave open (`_FARTHEST`), but at
+    the limit of speed no larger than machines have it (`_GROWN`)."""
+    found = []
+    for option in search.options(one.fit):
+        law = get_effect(option.effect)
+        if law.role is not Role.APPLIED or law.needs != ("velocity",) or len(law.parameters) > 1:
+            continue
+        ((size,), (column,)) = law.parameters, law.columns(Channels(0.0, 0.0, limits.velocity, 0.0), {})
+        told, most = search.problem.values(option.fit).estimates[f"{law.id}.{size.name}"], _GROWN * limits.u
+        away = _FARTHEST * float(np.nan_to_num(told.std_error, nan=math.inf))
+        ends = np.clip((told.value - away, told.value + away), max(size.lower, -most / abs(column)), most / abs(column))
+        found += [replace(one.fitted, effects={**one.fitted.effects, law.id: {size.name: x}}) for x in ends.tolist()]
+    return tuple(found)
+
+
 def _lacking(search: Search, plant: PlantModel, found: Fit, unexplained: float) -> tuple[float, float]:
     """(mean force that a plant lacks in the logs, rms of the rest of it beyond the noise), while the axis is free:
     friction that holds it takes any force."""
@@ -242,7 +262,10 @@ def values_of(search: Search, first: Explanation, wanted: Sequence[str] | None) 
     """Weak ones, or those that were asked for, with their slopes."""
     estimates = search.problem.values(first.fit).estimates
     if wanted is None:
-        wanted = [n for n, e in estimates.items() if e.grade in ("weak", "not") and not (e.held or _of_angle(n))]
+        told = (n for n, e in estimates.items() if e.grade in ("weak", "not") and not e.held)
+        wanted = [
+            n for n in told if "." not in n or not get_effect(n.split(".")[0]).parameter(n.split(".")[1]).whole_turn
+        ]
     found = []
     for name in wanted:
         value, error = estimates[name].value, estimates[name].std_error
@@ -250,12 +273,6 @@ def values_of(search: Search, first: Explanation, wanted: Sequence[str] | None) 
         size = search.problem.recordings[0].sample_time if name == DELAY else abs(value)
         found.append(Value(name, size, error, slope))
     return tuple(found)
-
-
-def _of_angle(name: str) -> bool:
-    """A phase is no size."""
-    effect, _, value = name.partition(".")
-    return bool(value) and get_effect(effect).parameter(value).whole_turn
 
 
 def _slope(search: Search, fit: Fit, name: str, size: int) -> Array:

@@ -63,7 +63,8 @@ def command_for(model: PlantModel, path: Path, most: float = np.inf) -> Array:
     mean, place, sign = _means(path)
     needed = model.motor_inertia * path.acceleration
     for _ in range(_ROUNDS if any("u" in get_effect(name).needs for name in model.effects) else 1):
-        force, budget = _forces(model, path, needed, mean, place)
+        channels = Channels(path.times - 0.5 * path.step, needed, mean, place, np.full(len(mean), path.step))
+        force, budget = interval_forces(model.effects, channels, model.inertia)
         needed = model.motor_inertia * path.acceleration - force + budget * sign
     return _commanded(model, np.asarray(needed), path.step, most)
 
@@ -75,12 +76,6 @@ def _means(path: Path) -> tuple[Array, Array, Array]:
     size = np.abs(path.velocity) + np.abs(before)
     sign = np.where(size > 1e-9 * max(float(size.max()), 1e-300), (path.velocity + before) / (size + 1e-300), 0.0)
     return 0.5 * (path.velocity + before), place, sign
-
-
-def _forces(model: PlantModel, path: Path, needed: Array, mean: Array, place: Array) -> tuple[Array, Array]:
-    """As `interval_forces`, where so large a u acts."""
-    channels = Channels(path.times - 0.5 * path.step, needed, mean, place, np.full(len(mean), path.step))
-    return interval_forces(model.effects, channels, model.inertia)
 
 
 def _commanded(model: PlantModel, needed: Array, step: float, most: float) -> Array:

@@ -54,9 +54,6 @@ class Measure(Expectation):
             nats[v.name] = 0.5 * (v.size / max(found.errors[v.name], 1e-300)) ** 2
         return nats
 
-    def _names(self) -> frozenset[str]:
-        return frozenset(self._name(*p) for p in self.now) | {v.name for v in self.targets.values}
-
     def _name(self, truth: int, rival: int) -> str:
         names = [self.targets.explanations[i].name for i in (truth, rival)]
         return ", not ".join(apart(*names))
@@ -71,8 +68,8 @@ class Measure(Expectation):
     @cached_property
     def open(self) -> frozenset[str]:
         """Targets that count."""
-        names = self._names() - self.ruled_out
-        return names if self._only is None else names & self._only
+        names = ({self._name(*p) for p in self.now} | {v.name for v in self.targets.values}) - self.ruled_out
+        return frozenset(names if self._only is None else names & self._only)
 
     @cached_property
     def ruled_out(self) -> frozenset[str]:

@@ -11,6 +11,7 @@ import numpy as np
 from dsd_cli.design.able import able_to_move
 from dsd_cli.design.cases import Expected
 from dsd_cli.design.closed_loop import Loop, Run, usual_loops
+from dsd_cli.design.explanations import grown
 from dsd_cli.design.impossible import not_by_motion, told_by_none
 from dsd_cli.design.inverse import Path, command_for
 from dsd_cli.design.limits import Limits, TooNarrowError, limits_of, slowed, unvisited, used
@@ -160,6 +161,7 @@ class _Asked:
         """
         room, loops, targets, most = self.room, self._loops(measure), measure.targets, self.room.limits.u
         allowed = room.limits if self.wanted.controller else slowed(room.limits, ROOM)  # other gains answer differently
+        targets = replace(targets, grown=grown(self.search, targets.explanations[0], room.limits))
         plants, led = plants_of(targets, measure.likely, joined(parts, room), room, loops)
         kept = verified(targets, plants, led, parts, room, loops, allowed)
         whole, first = TIMES * kept.parts, kept.runs[0, 0, 0]

@@ -63,15 +63,6 @@ def times_white(seen: Recording, path: Path, band: Band, whitening: Array) -> fl
     Where a motion crosses the counts of an encoder more slowly than the band ends, these are no white noise but forces
     in the band.
     """
-    rows = _noise_rows(seen, path, band)
-    if len(rows) < len(whitening):
-        return 1.0
-    white = np.convolve(rows, whitening, "same")
-    return float(np.mean(white**2)) / max(passed_variance(whitening, band, seen.sensor.noise), 1e-300)
-
-
-def _noise_rows(seen: Recording, path: Path, band: Band) -> Array:
-    """What the sensor adds to the rows of the acceleration, shape (N,)."""
     (piece,) = seen.pieces
     step, t = piece.sample_time, piece["t"]
     if seen.sensor.two_intervals:
@@ -79,7 +70,11 @@ def _noise_rows(seen: Recording, path: Path, band: Band) -> Array:
     else:
         velocity = _at(path, path.velocity, t)
         exact = np.diff(velocity, prepend=velocity[:1]) / step
-    return np.asarray(band.rows(piece["acceleration"] - exact, 0))
+    rows = band.rows(piece["acceleration"] - exact, 0)
+    if len(rows) < len(whitening):
+        return 1.0
+    white = np.convolve(rows, whitening, "same")
+    return float(np.mean(white**2)) / max(passed_variance(whitening, band, seen.sensor.noise), 1e-300)
 
 
 def _at(path: Path, x: Array, t: Array) -> Array:

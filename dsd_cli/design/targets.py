@@ -30,11 +30,11 @@ _AS_GOOD = 3
 @dataclass(frozen=True)
 class Targets:
     """explanations : each once; beside : plants that keep the limits, too: the first with what the logs say little of,
-    and the delay, as the model has it (with unknown, what that lacks as a wave over the place), and
-    friction that is gone beyond the speeds of the logs. pairs : of their places, to be distinguished. values : of the
-    first explanation. asked : names that the user gave. unknown : the motion is for the whole catalogue.
-    doubtful : what is missing may be none of the explanations, so that more of them are there to keep the limits.
-    doubt : probability that what the logs leave beyond the noise is a force."""
+    and the delay, as the model has it (with unknown, what that lacks as a wave over the place), and friction that is
+    gone beyond the speeds of the logs. pairs : of their places, to be distinguished. values : of the first explanation.
+    asked : names that the user gave. unknown : the motion is for the whole catalogue. doubtful : what is missing may be
+    none of the explanations, so that more of them are there to keep the limits. doubt : probability that what the logs
+    leave beyond the noise is a force. grown : plants in which one grows with the speed, of which the worst run."""
 
     explanations: tuple[Explanation, ...]
     beside: tuple[PlantModel, ...]
@@ -44,6 +44,7 @@ class Targets:
     unknown: bool = False
     doubtful: bool = False
     doubt: float = 1.0
+    grown: tuple[PlantModel, ...] = ()
 
     @property
     def nothing(self) -> bool:

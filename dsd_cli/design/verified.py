@@ -141,7 +141,7 @@ def plants_of(
     """(those that are run of each likely explanation, for a motion; the one whose u is fed forward: the first as
     fitted, with the friction of its draw that brakes the motion least: friction that is fed forward and is not there
     drives the axis on, and from rest to rest no other force does work)."""
-    stride = max(int(_COARSE / room.step), 1)
+    stride, last = max(int(_COARSE / room.step), 1), len(loops) - 1
     path, found = Path.of(position[::stride], stride * room.step), dict[Key, PlantModel]()
     first = targets.explanations[0]
     least = min(first.draws, key=lambda m: float(command_for(m, path) @ path.velocity))
@@ -151,9 +151,14 @@ def plants_of(
     for i in {0, *likely}:
         draws = targets.explanations[i].draws
         needs = np.array([command_for(m, path, 3.0 * room.limits.u) for m in draws])
-        for loop, lacking in ((0, needs), (len(loops) - 1, needs - added)):
+        for loop, lacking in ((0, needs), (last, needs - added)):
             for draw in ((0,) if i * loop == 0 else ()) + (int(np.argmax(np.abs(lacking).max(axis=1))),):
                 found[i, draw, loop] = draws[draw]
-    for loop in (0, len(loops) - 1):
+    if targets.grown:  # what needs most u, and what pushes most either way
+        needs = np.array([command_for(m, path, 3.0 * room.limits.u) for m in targets.grown])
+        off = (needs - added).mean(axis=1)
+        for loop, worst in ((0, np.argmax(np.abs(needs).max(axis=1))), (last, np.argmin(off)), (last, np.argmax(off))):
+            found[0, len(first.draws) + int(worst), loop] = targets.grown[int(worst)]
+    for loop in (0, last):
         found |= {(0, -1 - i, loop): plant for i, plant in enumerate(targets.beside)}
     return found, led

@@ -125,11 +125,12 @@ class Coupling(NamedTuple):
 
     def step(self, motor: Motor, s: float, h: float, q: float, v: float) -> tuple[float, float, bool]:
         """(position, speed) of the load h later, and whether one law of the coupling holds throughout."""
-        laws = []
+        laws, plays = [], self.half_gap > 0.0
 
         def pull(s: float, position: float, speed: float) -> float:
             place, rate = motor.at(s)
-            laws.append(self.regime(place - position, rate - speed))
+            if plays:
+                laws.append(self.regime(place - position, rate - speed))
             return self.pull(place - position, rate - speed)
 
         a1 = pull(s, q, v)
@@ -141,6 +142,8 @@ class Coupling(NamedTuple):
         a4 = pull(s + h, q + h * v3, v4)
         q = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
         v = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+        if not plays:
+            return q, v, True
         pull(s + h, q, v)
         return q, v, self.alike(laws)
 
@@ -182,7 +185,7 @@ def load_acceleration(
     whose bend is taken from the change of speed since the interval before. `state` None: the load begins at rest
     relative to the motor, at the end of the first row. An interval of 0 is this instant, and moves nothing.
     """
-    if np.ndim(position) == 0:
+    if isinstance(position, float) or np.ndim(position) == 0:  # the simulator, in its innermost loop
         return _load_row(position, velocity, interval, coupling, state)
     q, v, t = (np.ascontiguousarray(np.broadcast_to(x, position.shape), dtype=np.float64) for x in (
         position, velocity, interval))  # fmt: skip

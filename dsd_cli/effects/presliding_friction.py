@@ -15,10 +15,11 @@ def _columns(channels: Channels, shape: Shape, state: float | None) -> tuple[tup
     h' = (v/delta) (1 - h sgn v), solved exactly for constant speed over the interval.
     """
     moved = channels.velocity * channels.interval / shape["distance"]
-    direction = np.sign(moved)
-    left, mean_left = decay(np.abs(moved))
+    one = isinstance(moved, float)  # in a simulation, sample by sample
+    direction = (moved > 0.0) - (moved < 0.0) if one else np.sign(moved)
+    left, mean_left = decay(abs(moved))
     before = 0.0 if state is None else state
-    if np.ndim(moved) == 0:
+    if one or np.ndim(moved) == 0:
         return (-(direction + (before - direction) * mean_left),), left * before + direction * (1.0 - left)
     built = one_pole(left, direction * (1.0 - left), before)
     mean = direction + (before_each(built, before) - direction) * mean_left

@@ -7,11 +7,16 @@ import numpy as np
 from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shape, Values, log_spaced
 from dsd_cli.effects.joint_terms import JointTerms, speed_dependent
 
+#: Less is no force: its size would overflow.
+_NO_FORCE = float(np.finfo(float).eps)
+
 
 def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
     relative = channels.velocity / shape["velocity"]
     bell = np.exp(-relative * relative)
-    return (np.where(bell > np.finfo(float).eps, bell, 0.0),)  # less is no force: its size would overflow
+    if isinstance(bell, float):  # in a simulation, sample by sample
+        return (bell if bell > _NO_FORCE else 0.0,)
+    return (np.where(bell > _NO_FORCE, bell, 0.0),)
 
 
 def _starts(ranges: Ranges) -> list[Shape]:

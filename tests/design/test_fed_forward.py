@@ -31,7 +31,7 @@ def test_no_more_friction_is_fed_forward_than_every_likely_plant_has() -> None:
     """Nor is its load another: of the fitted plant, 0.2 hold it up, and 0.6 more or less its friction at a creep."""
     first = SimpleNamespace(draws=DRAWS, fitted=DRAWS[0])
     loops = usual_loops(DRAWS[0], ObserverSettings(0.05, 0.01), STEP)
-    targets = SimpleNamespace(explanations=(first,), beside=(DRAWS[0],))
+    targets = SimpleNamespace(explanations=(first,), beside=(DRAWS[0],), grown=())
     path, room = moved(), Room(LIMITS, 10.0, STEP)
     plants, led = plants_of(targets, (), path.position, room, loops)  # type: ignore[arg-type]
     assert led.effects["stribeck_friction"]["excess"] == pytest.approx(0.6)
