@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from dsd_cli.design.closed_loop import Loop
 from dsd_cli.design.limits import Limits
 from dsd_cli.design.rows import Model, shapes_of
 from dsd_cli.effects import Channels, Effect, Role, catalogue, get_effect
@@ -141,18 +142,20 @@ def falling(search: Search, one: PlantModel, found: Fit, unexplained: float) -> 
     return (replace(rest, effects={**rest.effects, gone.id: values}),)
 
 
-def grown(search: Search, one: Explanation, limits: Limits) -> tuple[PlantModel, ...]:
+def grown(search: Search, one: Explanation, limits: Limits, loop: Loop) -> tuple[PlantModel, ...]:
     """Plants in which beside that a force grows with the speed, as large as slow logs leave open (`_FARTHEST`), but at
-    the limit of speed no larger than machines have it (`_GROWN`)."""
+    the limit of speed no larger than machines have it (`_GROWN`), nor than half of the loop's damping: an axis that
+    takes more off it would be held by no such loop."""
+    most = min(_GROWN * limits.u, _WIDEST * loop.controller.gains.kd * limits.velocity)
     found = []
     for option in search.options(one.fit):
         law = get_effect(option.effect)
         if law.role is not Role.APPLIED or law.needs != ("velocity",) or len(law.parameters) > 1:
             continue
         ((size,), (column,)) = law.parameters, law.columns(Channels(0.0, 0.0, limits.velocity, 0.0), {})
-        told, most = search.problem.values(option.fit).estimates[f"{law.id}.{size.name}"], _GROWN * limits.u
+        told, end = search.problem.values(option.fit).estimates[f"{law.id}.{size.name}"], most / abs(column)
         away = _FARTHEST * float(np.nan_to_num(told.std_error, nan=math.inf))
-        ends = np.clip((told.value - away, told.value + away), max(size.lower, -most / abs(column)), most / abs(column))
+        ends = np.clip((told.value - away, told.value + away), max(size.lower, -end), end)
         found += [replace(one.fitted, effects={**one.fitted.effects, law.id: {size.name: x}}) for x in ends.tolist()]
     return tuple(found)
 

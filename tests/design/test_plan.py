@@ -287,6 +287,9 @@ def test_limits_hold_with_what_explains_the_poor_log_as_well(
         # friction that falls with the speed, of which 9 % too much was fed forward: in a loop as stiff as the machine's
         # the axis swings
         ("stribeck_friction", "one way", 121028, "enc4096", (3.9328, 60.640, 14.916, (-0.48704, 1.24975))),
+        # at a fiftieth of the speed of these limits (all of what it does), where a force that grows with the speed and
+        # pushes one way is not seen
+        ("viscous_asymmetry", "small", 360037, "speed40k", (6.14738, 192.4848, 0.25785, (-0.76041, 0.91685))),
     ],
 )
 @pytest.mark.usefixtures("quick")
