@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -46,8 +46,9 @@ def cases_of(search: Search, targets: Targets, draws: int, ranges: Ranges) -> li
 
     ranges : what logs and motion together may contain.
     """
-    explanations = targets.explanations
-    pairs = {p for a, b in targets.pairs for p in ((a, b), (b, a)) if not _within(explanations, *p)}
+    explanations, ids = targets.explanations, [{t.id for t in e.fit.terms} for e in targets.explanations]
+    # a rival that has all effects of the truth explains any motion as well, and only its price decides
+    pairs = {(a, b) for pair in targets.pairs for a, b in (pair, pair[::-1]) if not ids[a] <= ids[b]}
     pairs |= {(a, a) for p in pairs for a in p} | {(0, 0)}
     shapes = [_shapes(search, e, ranges) for e in explanations]
     return [
@@ -84,10 +85,3 @@ def ranges_within(found: Ranges, limits: Limits) -> Ranges:
         travel=max(found.travel, limits.high - limits.low),
         top_drive=max(found.top_drive, limits.u),
     )
-
-
-def _within(explanations: Sequence[Explanation], truth: int, rival: int) -> bool:
-    """Whether the rival has all effects of the truth: then it explains any motion as well, and only its price
-    decides."""
-    ids = [{t.id for t in explanations[i].fit.terms} for i in (truth, rival)]
-    return ids[0] <= ids[1]

@@ -24,11 +24,9 @@ from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
 #: Draws of the values of an explanation: one more goes beyond all of them less often than once in a hundred. Their
-#: seed; standard errors to what may be; share by which a value changes at most.
-DRAWS, _SEED, _FARTHEST, _WIDEST = 100, 20261123, 2.0, 0.5
-#: Share of the largest u that drag and friction which grow with the speed take at the limit of speed: drives are sized
-#: for more than that.
-_GROWN = 0.25
+#: seed; standard errors to what may be; share by which a value changes at most; share of the largest u that drag and
+#: friction which grow with the speed take at the limit of speed, for drives are sized for more than that.
+DRAWS, _SEED, _FARTHEST, _WIDEST, _GROWN = 100, 20261123, 2.0, 0.5, 0.25
 
 
 @dataclass(frozen=True)
@@ -150,13 +148,16 @@ def grown(search: Search, one: Explanation, limits: Limits, loop: Loop) -> tuple
     found = []
     for option in search.options(one.fit):
         law = get_effect(option.effect)
-        if law.role is not Role.APPLIED or law.needs != ("velocity",) or len(law.parameters) > 1:
+        if (law.role, law.needs, law.memory, len(law.parameters)) != (Role.APPLIED, ("velocity",), False, 1):
             continue
         ((size,), (column,)) = law.parameters, law.columns(Channels(0.0, 0.0, limits.velocity, 0.0), {})
-        told, end = search.problem.values(option.fit).estimates[f"{law.id}.{size.name}"], most / abs(column)
+        told = search.problem.values(option.fit).estimates[f"{option.effect}.{size.name}"]
+        end = most / max(abs(float(column)), 1e-300)
         away = _FARTHEST * float(np.nan_to_num(told.std_error, nan=math.inf))
         ends = np.clip((told.value - away, told.value + away), max(size.lower, -end), end)
-        found += [replace(one.fitted, effects={**one.fitted.effects, law.id: {size.name: x}}) for x in ends.tolist()]
+        found += [
+            replace(one.fitted, effects={**one.fitted.effects, option.effect: {size.name: x}}) for x in ends.tolist()
+        ]
     return tuple(found)
 
 

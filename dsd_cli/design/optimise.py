@@ -39,11 +39,6 @@ class Sized:
     products: Products
 
 
-def optimised(measure: Measure, room: Room, seconds: float, library: Sequence[Sized]) -> tuple[Part, ...]:
-    """The different parts of a motion of so many s, in order. library : parts for that length."""
-    return tuple(one.part for one in _refined(measure, room, _chosen(measure, library, seconds)))
-
-
 def _all(measure: Measure, parts: Sequence[Sized]) -> Products:
     return sum((one.products for one in parts), measure.nothing)
 
@@ -57,23 +52,18 @@ def joined(parts: Sequence[Part], room: Room) -> Array:
 def sized(measure: Measure, room: Room, part: Part) -> Sized | None:
     """The part, so small that no likely plant needs more u than is allowed; None where it does not help."""
     most = ROOM * room.limits.u
+    reach = measure.known.band.half * measure.known.sample_time + measure.longest_delay + 4.0 * room.step
+    rest = int(reach / room.step) + 1  # before and after it: the rows of a log reach into that
     for _ in range(_SHRINKS):
         position = position_of(part, room)
         if not np.ptp(position) > 0.0:
             return None
-        path = Path.of(_rested(position, measure, room), room.step)
+        path = Path.of(np.pad(position, rest, mode="edge"), room.step)
         largest = measure.most_u(path, 3.0 * room.limits.u)
         if largest <= most:
             return Sized(part, measure.of_paths({0: path}, room.limits.u))
         part = replace(part, scale=part.scale * max(_SHRINK, 0.95 * most / largest))
     return None
-
-
-def _rested(position: Array, measure: Measure, room: Room) -> Array:
-    """With the rest before and after that the rows of a log reach into."""
-    reach = measure.known.band.half * measure.known.sample_time + measure.longest_delay + 4.0 * room.step
-    rest = int(reach / room.step) + 1
-    return np.pad(position, rest, mode="edge")
 
 
 def library_of(measure: Measure, room: Room, seconds: float, report: Report = lambda _: None) -> list[Sized]:
@@ -113,13 +103,14 @@ def _best(measure: Measure, library: Sequence[Sized], beside: Sequence[Sized]) -
     return max(library, key=lambda one: measure.worth(TIMES * (known + one.products)))
 
 
-def _refined(measure: Measure, room: Room, chosen: list[Sized]) -> list[Sized]:
-    """Each different part with its numbers moved to where the whole is best."""
+def optimised(measure: Measure, room: Room, seconds: float, library: Sequence[Sized]) -> tuple[Part, ...]:
+    """The parts of a motion of so many s, the numbers of each where the whole is best. library : for that length."""
+    chosen = _chosen(measure, library, seconds)
     for i in range(len(chosen)):
         if not any(chosen[i] is one for one in chosen[:i]):
             rest = _all(measure, [one for k, one in enumerate(chosen) if k != i])
             chosen[i] = _refined_part(measure, room, chosen[i], rest)
-    return chosen
+    return tuple(one.part for one in chosen)
 
 
 def _refined_part(measure: Measure, room: Room, part: Sized, rest: Products) -> Sized:

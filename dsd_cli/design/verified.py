@@ -25,9 +25,9 @@ _SHRINK, _SHRINK_MOST, _SHRINKS, GENTLE = 0.9, 0.5, 12, 0.05
 #: Share of a limit that a smaller part aims at; s between samples by which draws are compared.
 _KEPT, _COARSE = 0.97, 0.02
 
-#: Place of an explanation, of one of its draws, and of a loop. The first loop runs the fitted plant (0) and the draw
-#: that needs most u; the last one the draw for which the feedforward lacks most, and the fitted plant of the first.
-#: Both run `Targets.beside` (-1, -2, ...).
+#: Place of an explanation, of one of its draws (`Targets.grown` behind them), and of a loop. The first loop runs the
+#: fitted plant (0) and the draw that needs most u; the last one the draw for which the feedforward lacks most, and the
+#: fitted plant of the first. Both run `Targets.beside` (-1, -2, ...).
 Key = tuple[int, int, int]
 
 
@@ -59,8 +59,7 @@ def verified(
 
     Raises
     ------
-    DataError : however small the motion, a plant breaks a limit; the loop is not stable with a plant that counts.
-    TooNarrowError : it does what the logs did.
+    DataError : however small it is, a plant breaks a limit, or its loop is not stable. TooNarrowError : as the logs.
     """
     order = [k for i, k in enumerate(plants) if not any(k[2] == o[2] and plants[k] == plants[o] for o in [*plants][:i])]
     order.sort(key=lambda k: any(get_effect(name).memory for name in plants[k].effects))  # those that take longer last

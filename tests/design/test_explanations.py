@@ -1,17 +1,22 @@
 """Plants that the logs leave as likely."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dsd_cli.design.cases import other_shapes, ranges_within
-from dsd_cli.design.explanations import _Left, falling
+from dsd_cli.design.closed_loop import usual_loops
+from dsd_cli.design.explanations import _Left, explanation_of, falling, grown
 from dsd_cli.design.limits import Limits
 from dsd_cli.effects import Ranges
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import Settings
-from tests.identify.comparison_rig import BELIEVED, recorded
+from dsd_cli.plant.simulation import Measurement, SimulationSettings, simulate
+from tests.identify.comparison_rig import BELIEVED, CONTROLLER, MOVES, OBSERVER, T, recorded
 
 #: Moved one way, of friction and a load only the sum is known; a third value is another matter.
 _SUM = np.array([1.0, 1.0, 0.0])
@@ -64,3 +69,38 @@ def test_what_the_model_lacks_may_be_friction_that_is_gone_beyond_the_speeds_of_
     assert plant.effects.keys() == {"stribeck_friction"}
     assert gone["excess"] == pytest.approx(abs(size), rel=0.25)
     assert gone["velocity"] == pytest.approx(np.abs(log.pieces[0]["velocity"]).max(), rel=0.02)
+
+
+def growing(speed: float, limit: float) -> dict[str, list[float]]:
+    """Share of u, at a limit of speed, that a force of each kind takes which a log of moves at another leaves open."""
+    settings = SimulationSettings(
+        model=BELIEVED,
+        duration=6.0,
+        sample_time=T,
+        observer=OBSERVER,
+        controller=CONTROLLER,
+        reference=replace(MOVES, speed=speed, distance=0.2 * speed, acceleration=20.0 * speed),
+        measurement=Measurement(position_noise=1e-5),
+    )
+    search = Search(pose([prepare(simulate(settings), OBSERVER)], BELIEVED, Settings()))
+    limits = Limits(-1.0, 1.0, limit, 50.0, 800.0, 2.0, 0.0)
+    loop = usual_loops(BELIEVED, OBSERVER, 0.005)[-1]
+    found: dict[str, list[float]] = {}
+    for plant in grown(search, explanation_of(search, "none", search.refit, False, ()), limits, loop):
+        ((name, values),) = plant.effects.items()
+        force = values["coefficient"] * limit ** (2 if name == "quadratic_drag" else 1)
+        found.setdefault(name, []).append(force / limits.u)
+    return found
+
+
+def test_a_force_that_grows_with_the_speed_is_as_large_as_slow_logs_leave_it_open() -> None:
+    """Sixty times faster a quarter of u, either way; none at a speed that was shown."""
+    slow, fast = growing(0.1, 6.0), growing(6.0, 6.0)
+    assert slow.keys() == fast.keys() == {"viscous_friction", "quadratic_drag", "viscous_asymmetry"}
+    assert slow["viscous_asymmetry"] == pytest.approx([-0.25, 0.25])
+    assert max(np.abs(fast["viscous_asymmetry"])) < 0.01
+
+
+def test_half_of_the_damping_of_the_loop_is_all_that_such_a_force_takes_off_it() -> None:
+    """Of kd = 0.01 x 25 rad/s at 1 rad/s: 0.125 of 2."""
+    assert growing(0.02, 1.0)["viscous_asymmetry"] == pytest.approx([-0.0625, 0.0625])
