@@ -55,20 +55,25 @@ def _others(known: Mapping[str, Sequence[Row]]) -> list[str]:
     loops = [r["loop"] | {"first": r["settled"]} for r in known.get("plans", []) if "loop" in r]
     limits, impossible = (known.get(name, []) for name in ("limits", "impossible"))
     right = {k: _of(r[k] for r in impossible) for r in impossible[:1] for k in r if k != "seed"}
-    found = []
+    found, again = [], [one for r in loops for one in r["broken"]]
     if loops:
         by_one = _of(r["first"] for r in loops)
         found.append(f"loops settled within three experiments: {_of(r['settled'] for r in loops)}, by one: {by_one}")
-        again = [one for r in loops for one in r["broken"]]
         found.append(f"a limit broken by the second and third plans of these loops: {_of(again)}")
     if limits:
         broken = [one for r in limits for one in r["broken"]]
         most = 100.0 * max((by for one in broken for by in one.values()), default=0.0)
-        plans = sum(r["plans"] for r in limits)
+        plans, refused = (sum(r[name] for r in limits) for name in ("plans", "refused"))
         found.append(
             f"a limit broken by one of five plans of a log: {len(broken)} of {plans} plans of {len(limits)} logs"
             + (f", by {most:.1f} % at most" if broken else "")
+            + f"; {refused} refused"
         )
+        all_of = [*broken, *(r["broken"] for r in known.get("plans", []) if "error" not in r), *again]
+        count = len(all_of) + plans - len(broken)
+        cpu = [x for r in limits for x in r.get("cpu", ())]
+        found.append(f"a limit broken by any of all these plans: {sum(map(bool, all_of))} of {count}")
+        found.append(f"CPU of one of five: {np.median(cpu):.1f} s in the middle, {max(cpu):.1f} s at most")
     found += [f"what no motion identifies, {name}: right in {count}" for name, count in right.items()]
     return [f"- {line}" for line in found]
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsd_cli.design.explanations import Explanation
-from dsd_cli.design.inverse import Path, command_for
+from dsd_cli.design.inverse import Path, actuated, command_for
 from dsd_cli.design.limits import TooNarrowError
 from dsd_cli.design.motions import ROOM, Part, Room, position_of
 from dsd_cli.design.targets import Targets, within_reach
@@ -49,8 +49,9 @@ def able_to_move(
         bare = one.fitted.motor_inertia < _NO_MOTOR * one.fitted.inertia
         if bare and Plant(one.fitted).resonance * sample_time > math.pi:
             return False
-        needs = float(np.abs(command_for(one.fitted, path, 3.0 * most)).max())
-        return needs < ROOM * most and (not one.weak or holds(one, most))
+        u = command_for(one.fitted, path, 3.0 * most)
+        passed = actuated(one.fitted, u, path.step).any()  # a dead zone beyond what saturates lets none of it act
+        return bool(passed) and float(np.abs(u).max()) < ROOM * most and (not one.weak or holds(one, most))
 
     if far and not holds(targets.explanations[0], reached):
         raise DataError("u could not hold this axis where its limits let it stand", "give narrower --limit position")

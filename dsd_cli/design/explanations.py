@@ -144,8 +144,7 @@ def grown(search: Search, one: Explanation, limits: Limits, loop: Loop) -> tuple
     """Plants in which beside that a force grows with the speed, as large as slow logs leave open (`_FARTHEST`), but at
     the limit of speed no larger than machines have it (`_GROWN`), nor than half of the loop's damping: an axis that
     takes more off it would be held by no such loop."""
-    most = min(_GROWN * limits.u, _WIDEST * loop.controller.gains.kd * limits.velocity)
-    found = []
+    found, most = list[PlantModel](), min(_GROWN * limits.u, _WIDEST * loop.controller.gains.kd * limits.velocity)
     for option in search.options(one.fit):
         law = get_effect(option.effect)
         if (law.role, law.needs, law.memory, len(law.parameters)) != (Role.APPLIED, ("velocity",), False, 1):

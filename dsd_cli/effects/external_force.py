@@ -15,6 +15,11 @@ def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
 
 def _covered(channels: Channels, start: float, end: float) -> Any:
     t, interval = channels.t, channels.interval
+    if isinstance(t, float) and isinstance(interval, float):  # in a simulation, sample by sample
+        if not interval > 0.0:
+            return 1.0 if start <= t < end else 0.0
+        common = min(t + 0.5 * interval, end) - max(t - 0.5 * interval, start)
+        return min(max(common, 0.0), interval) / interval
     common = np.minimum(t + 0.5 * interval, end) - np.maximum(t - 0.5 * interval, start)
     share = np.clip(common, 0.0, interval) / np.where(interval > 0.0, interval, 1.0)
     on = np.where((start <= t) & (t < end), 1.0, 0.0)

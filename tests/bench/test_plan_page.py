@@ -20,10 +20,17 @@ def test_the_old_motion_is_asked_of_the_first_logs_of_all_runs_together(
 
 
 def test_limits_and_what_no_motion_identifies_are_figures_of_the_page():
-    limits = [{"plans": 5, "broken": [{"u": 0.1}]}, {"plans": 4, "broken": [{"u": 0.02}, {"velocity": 0.08}]}]
+    limits = [
+        {"plans": 5, "broken": [{"u": 0.1}], "refused": 0, "cpu": [2.0, 9.0, 3.0, 3.0, 3.0]},
+        {"plans": 4, "broken": [{"u": 0.02}, {"velocity": 0.08}], "refused": 1, "cpu": [3.0] * 4},
+    ]
     impossible = [{"seed": 1, "gain": True, "load": False}, {"seed": 2, "gain": True, "load": True}]
     lines = figures({"limits": limits, "impossible": impossible})
-    assert "- a limit broken by one of five plans of a log: 3 of 9 plans of 2 logs, by 10.0 % at most" in lines
+    assert (
+        "- a limit broken by one of five plans of a log: 3 of 9 plans of 2 logs, by 10.0 % at most; 1 refused" in lines
+    )
+    assert "- a limit broken by any of all these plans: 3 of 9" in lines
+    assert "- CPU of one of five: 3.0 s in the middle, 9.0 s at most" in lines
     assert "- what no motion identifies, gain: right in 2 of 2" in lines
     assert "- what no motion identifies, load: right in 1 of 2" in lines
 

@@ -239,7 +239,7 @@ def test_forces_that_cancel_out_where_a_poor_log_has_been_are_not_planned_for(
     assert plan.limits.low < exact.q.min() < exact.q.max() < plan.limits.high
     assert np.abs(exact.v).max() < plan.limits.velocity
     off = exact.v - np.interp(exact.t, t, plan.motion.velocity)
-    assert np.sqrt(np.mean(off**2)) < 0.25 * np.sqrt(np.mean(exact.v**2))
+    assert np.sqrt(np.mean(off**2)) < 0.4 * np.sqrt(np.mean(exact.v**2))
 
 
 @pytest.mark.parametrize(
@@ -518,19 +518,33 @@ def test_a_u_that_cannot_hold_the_axis_is_refused(tied: Asked) -> None:
         tied.plan(limits={**tied.limits, "u": (0.0, 0.01)})
 
 
-@pytest.mark.parametrize(("share", "plant"), [(0.999999, False), (0.5, True)])
-def test_a_motor_of_next_to_no_inertia_is_no_plant_and_a_stiff_contact_is_one(
-    tied: Asked, share: float, plant: bool
+def stiff_contact(share: float) -> EffectValues:
+    return {"backlash": {"gap": 0.1, "load_share": share, "stiffness": share * (2.0 * math.pi * 600.0) ** 2}}
+
+
+@pytest.mark.parametrize(
+    ("effects", "plant"),
+    [
+        (stiff_contact(0.999999), False),
+        (stiff_contact(0.5), True),
+        ({"saturation": {"limit": 0.9}, "dead_zone": {"width": 1.0}}, False),
+        ({"saturation": {"limit": 1.1}, "dead_zone": {"width": 0.01}}, True),
+    ],
+)
+def test_a_motor_of_next_to_no_inertia_is_no_plant_nor_one_that_no_u_reaches(
+    tied: Asked, effects: EffectValues, plant: bool
 ) -> None:
-    """With a motor of a millionth of the inertia a second of its simulation took a minute."""
+    """With a motor of a millionth of the inertia a second of its simulation took a minute; what a dead zone swallows
+    after it saturates leaves a log of nothing. A stiff contact is a plant."""
     targets = targets_of(tied.search, tied.whole, tied.diagnosis)
-    load = {"gap": 0.1, "load_share": share, "stiffness": tied.model.inertia * share * (2.0 * math.pi * 600.0) ** 2}
-    swings = replace(tied.model, effects={**tied.model.effects, "backlash": load})
-    last = replace(targets.explanations[-1], name="backlash", draws=(swings,))
+    effects = {n: {k: x * (tied.model.inertia if k == "stiffness" else 1.0) for k, x in v.items()}
+               for n, v in effects.items()}  # fmt: skip
+    other = replace(tied.model, effects={**tied.model.effects, **effects})
+    last = replace(targets.explanations[-1], name="other", draws=(other,))
     targets = replace(targets, explanations=(*targets.explanations[:-1], last), pairs=())
     room = Room(limits_of([tied.recording], tied.limits, math.nan, 10.0), 10.0, 0.004)
     able = able_to_move(targets, room, tied.model, 0.001).explanations
-    assert ("backlash" in {one.name for one in able}) == plant
+    assert ("other" in {one.name for one in able}) == plant
     assert targets.explanations[0] in able
 
 
