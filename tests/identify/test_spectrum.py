@@ -2,8 +2,18 @@
 
 import numpy as np
 import pytest
+from scipy import signal
 
-from dsd_cli.identify.recordings.spectrum import SEGMENT, SensorNoise, bend, density, sensor_noise
+from dsd_cli.identify.recordings.spectrum import (
+    NOTHING_LOST,
+    SEGMENT,
+    SensorNoise,
+    bend,
+    density,
+    last_angle,
+    lost_motion,
+    sensor_noise,
+)
 
 ANGLES = np.linspace(0.01, np.pi, 400)
 #: How each sensor's white noise of 1 enters an acceleration: the filter's taps, from the definition of the difference.
@@ -95,3 +105,50 @@ def test_one_loud_line_at_high_frequency_does_not_raise_the_level():
     rng, k = np.random.default_rng(7), np.arange(20_000)
     x = np.diff(rng.normal(size=20_001)) + 30.0 * np.sin(2.2 * k)
     assert sensor_noise("velocity", [x]).scale == pytest.approx(1.0, rel=0.1)
+
+
+def jumping(seed, rows=20_000, step=0.004):
+    """(speed, position) of an axis whose acceleration jumps every 0.3 s or so, exact: one count of time is `step`."""
+    rng = np.random.default_rng(seed)
+    jumps = np.where(rng.random(rows) < step / 0.3, rng.normal(size=rows), 0.0)
+    held = signal.lfilter([1.0], [1.0, -np.exp(-step / 0.5)], jumps)
+    speed = np.cumsum(held - held.mean()) * step
+    return speed, np.cumsum(speed - speed.mean()) * step
+
+
+def filtered(x, share, order=4):
+    """Both ways, as `scipy.signal.filtfilt` does it; the cut is a share of half the sample rate."""
+    return signal.sosfiltfilt(signal.butter(order, share, output="sos"), x)
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+@pytest.mark.parametrize("noise", [0.0, 1e-5, 1e-3])
+def test_motion_and_noise_reach_up_to_the_top(seed, noise):
+    _, position = jumping(seed)
+    white = noise * np.random.default_rng(seed).normal(size=len(position))
+    assert last_angle(density([np.diff(position + white, 2)])) > 0.5 * np.pi
+
+
+@pytest.mark.parametrize("order", [2, 4])
+@pytest.mark.parametrize("share", [0.05, 0.15, 0.4])
+def test_what_passed_a_low_pass_ends_about_its_cut(order, share):
+    """There at most is the noise that none of it shows: the power of the motion, over that at the band's end."""
+    _, position = jumping(4)
+    position = position + 1e-6 * np.random.default_rng(5).normal(size=len(position))
+    acceleration = np.diff(filtered(position, share, order), 2)[200:-200]
+    found = density([acceleration])
+    end = last_angle(found)
+    assert 0.45 * share < end / np.pi < 1.1 * share
+    told = sensor_noise("position", [acceleration]).density(found.angle)
+    near = (found.angle > 0.7 * end) & (found.angle < end)
+    assert 30.0 < np.median(found.power[near] / told[near]) < 300.0
+
+
+@pytest.mark.parametrize("share", [0.05, 0.15, 0.4])
+def test_the_motion_that_a_low_pass_took_is_known_by_its_size(share):
+    speed, position = jumping(6)
+    lost = lost_motion([np.diff(filtered(position, share), 2)[200:-200] / 0.004**2], 0.004)
+    true = np.std((speed - filtered(speed, share))[200:-200])
+    assert 0.4 < lost.speed / true < 3.0
+    assert 0.4 < lost.reach * share < 1.2  # a quarter of the cut's period, 0.5 / share samples, or some more
+    assert lost_motion([np.diff(position, 2) / 0.004**2], 0.004) == NOTHING_LOST

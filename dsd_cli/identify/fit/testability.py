@@ -45,7 +45,8 @@ def ranges(equations: Equations) -> Ranges:
         top_drive=float(np.quantile(np.abs(u), POLICY.exercised)) if u.size else 0.0,
         sample_time=equations.sample_time,
         duration=sum(len(log) for log in logs) * equations.sample_time,
-        resolution=POLICY.resolved_deviations * max(r.position_noise for r in equations.recordings),
+        resolution=POLICY.resolved_deviations
+        * max(math.hypot(r.position_noise, r.lost.way) for r in equations.recordings),
         band_hz=equations.band.hz,
         passes=way / travel if travel > 0.0 else 0.0,
         spike_drive=float(np.abs(u).max(initial=0.0)),

@@ -21,7 +21,7 @@ from dsd_cli.identify.recordings.reconstruction import drift
 from dsd_cli.identify.recordings.regular import regularised
 from dsd_cli.identify.recordings.sensor import Sensor, check_signs, net_force, with_acceleration
 from dsd_cli.identify.recordings.smoothing import Smoothed, channel_noise, noise_of, smooth, widened
-from dsd_cli.identify.recordings.spectrum import cycle_of
+from dsd_cli.identify.recordings.spectrum import NOTHING_LOST, Lost, cycle_of, lost_motion
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import Frame
@@ -47,6 +47,7 @@ class Recording:
     pushed : (effect, share of the inertia) of the load that "push" of the pieces drives (`fit.driven_load`); None where
         the motion drives every load. levels : (effect, column, coefficient) of forces that act in this log alone.
     taken_off : kinds of parts of u that did not act, and are no more in it.
+    lost : what a low-pass has taken from the motion before it was logged.
     """
 
     name: str
@@ -62,6 +63,7 @@ class Recording:
     pushed: tuple[str, float] | None = None
     levels: tuple[tuple[str, int, float], ...] = ()
     taken_off: tuple[str, ...] = ()
+    lost: Lost = NOTHING_LOST
 
     @property
     def samples(self) -> int:
@@ -126,14 +128,17 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
         (float(np.sqrt(np.mean(p["velocity"] ** 2))) for p in pieces if "velocity" in p), default=0.0
     )
     walk = _walk(pieces, observer) if "reconstructed" in provenance["velocity"] else 0.0
-    noise = float(np.hypot(noise, walk))
+    lost = lost_motion([p["acceleration"] for p in pieces if "white" not in p], log.sample_time)
+    noise = math.hypot(noise, walk, lost.speed)
     rest = max(rest_speed, POLICY.rest_deviations * noise, creep)
-    pieces = [with_channels(p, turning=_turning(p, observer, rest, margin)) for p in pieces]
+    pieces = [with_channels(p, turning=_turning(p, observer, rest, max(margin, lost.reach))) for p in pieces]
     pieces = [with_channels(p, **_limits_of_rest(p["speed_noise"], noise, rest)) for p in pieces]
     # of a position that is integrated, what one sample adds
     position_noise = noise_of(log["position"]) if "position" in log else noise * log.sample_time
     logged = noise_of(log["velocity"]) if "velocity" in log else math.nan
-    return Recording(log.source, tuple(pieces), provenance, missing, rest, noise, position_noise, logged, walk, sensor)
+    return Recording(
+        log.source, tuple(pieces), provenance, missing, rest, noise, position_noise, logged, walk, sensor, lost=lost
+    )
 
 
 def _limits_of_rest(by_sample: Array, noise: float, rest: float) -> dict[str, Array]:

@@ -13,6 +13,9 @@ from dsd_cli.signals.log import Array
 
 SensorKind = Literal["position", "velocity", "d_hat"]
 
+#: Exponent of w from which on the fall of a density is no motion's; ratio of the ends of the bands that are compared,
+#: half an octave, and frequencies in one at least.
+_STEEP, _WIDTH, _FEWEST_BINS = 5.0, math.sqrt(2.0), 2
 #: Rows of a segment at most, and segments that a short signal is still cut into.
 SEGMENT, FEWEST_SEGMENTS = 2048, 6
 
@@ -97,15 +100,62 @@ def sensor_noise(
     ----------
     white : noise of variance 1, interpolated as the channel was; () if it was not. Less of it is left up there.
     """
-    unit = SensorNoise(kind, pole, 1.0)
-    scale = _read(unit, accelerations)
-    return unit._replace(scale=scale / (_read(unit, [unit.of_white(x) for x in white]) if white else 1.0))
+    unit, found = SensorNoise(kind, pole, 1.0), density(accelerations)
+    top = POLICY.noise_from_share * math.pi
+    end = math.pi if white else last_angle(found)
+    if end < top:  # a low-pass took the noise away: no more of it is known than that the band may reach up to there
+        return unit._replace(scale=_read(unit, found, end / _WIDTH, end) / POLICY.signal_over_noise)
+    scale = _read(unit, found, top)
+    return unit._replace(scale=scale / (_read(unit, density([unit.of_white(x) for x in white]), top) if white else 1.0))
 
 
-def _read(unit: SensorNoise, accelerations: Sequence[Array]) -> float:
+def last_angle(found: Density) -> float:
+    """Angle up to which an acceleration holds anything: from there on its density falls as no motion's does.
+
+    A jump of the acceleration has a density of w^-2, a jump of its slope w^-4, and what a sensor adds does not fall.
+    A steeper fall, all the way to the top, is that of a low-pass or of the window's side lobes, w^-6.
+    """
+    high, above = math.pi, 0.0
+    while np.count_nonzero(inside := (found.angle > high / _WIDTH) & (found.angle <= high)) >= _FEWEST_BINS:
+        power = float(np.median(found.power[inside]))
+        if power < above * _WIDTH**_STEEP:
+            return high
+        high, above = high / _WIDTH, power
+    return high
+
+
+class Lost(NamedTuple):
+    """What a low-pass took from the motion of a log; 0 where it passed none.
+
+    speed : rms of what is missing, rad/s or m/s. way : on which a reversal is smeared, rad or m. reach : samples to
+        either side over which it is: a quarter of the last period that is left.
+    """
+
+    speed: float
+    way: float
+    reach: int
+
+
+NOTHING_LOST = Lost(0.0, 0.0, 0)
+
+
+def lost_motion(accelerations: Sequence[Array], sample_time: float) -> Lost:
+    """Above the last frequency that is left, jumps of the acceleration had a density that falls as w^-2."""
+    if not accelerations:
+        return NOTHING_LOST
     found = density(accelerations)
-    top = found.angle >= POLICY.noise_from_share * np.pi
-    return float(np.median(found.power[top] / unit.density(found.angle[top])))
+    end = last_angle(found)
+    if end >= POLICY.noise_from_share * math.pi:
+        return NOTHING_LOST
+    inside = (found.angle >= end / _WIDTH) & (found.angle <= end)
+    speed = sample_time * math.sqrt(float(np.median(found.power[inside])) / (3.0 * math.pi * end))
+    reach, usual = math.ceil(0.5 * math.pi / end), math.sqrt(float(np.mean(np.concatenate(accelerations) ** 2)))
+    return Lost(speed, 0.5 * usual * (reach * sample_time) ** 2, reach)
+
+
+def _read(unit: SensorNoise, found: Density, low: float, high: float = math.pi) -> float:
+    inside = (found.angle >= low) & (found.angle <= high)
+    return float(np.median(found.power[inside] / unit.density(found.angle[inside])))
 
 
 #: Samples of the speed that are compared; longer logs are averaged down to so many.
