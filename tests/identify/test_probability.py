@@ -164,6 +164,7 @@ def test_a_name_stands_for_what_is_left_by_its_channels_or_by_how_little_it_is_b
     monkeypatch.setattr(judgement, "unexplained_of", lambda *_: Unexplained(0.1, more))
     verdict = Verdict()
     verdict.search, verdict.whole, verdict.surest = SimpleNamespace(refit=None), None, None
+    verdict.named_part = None
     verdict.problem = SimpleNamespace(errors=SimpleNamespace(rmse=lambda _: 1.0))
     verdict.shown, verdict._named_for, verdict.doubted = SimpleNamespace(settings=None), {}, ""
     verdict.members = {"cogging": Membership("cogging", {"cogging": belief}, ())}

@@ -8,6 +8,7 @@ correlation within blocks does not count as evidence (pseudo-BMA+; Yao et al. 20
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -18,6 +19,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.discrepancy import beyond_noise
+from dsd_cli.identify.verdict.places import PLACE, more_in_other_half, of_places
 from dsd_cli.signals.log import Array
 
 DRAWS, SEED = 400, 20261121
@@ -56,7 +58,8 @@ class UnnamedLaws:
     A set that leaves something is one of several: the rest may be a function of any channels, and an effect either acts
     beside that, or stands in for it. Each function, and none, is fitted with the effect and without it, and these share
     the belief (Bayesian model averaging; Hoeting et al. 1999). So dry friction stays sure where what is left depends on
-    the position, unless a function of the position does as well without it.
+    the position, unless a function of the position does as well without it. What laws of the position leave is what
+    they leave in the other half of the travel, too: several of them together imitate any smooth function of it.
 
     misfit : whether more is left than the sensor leaves; without, nothing stands in for anything.
     """
@@ -64,6 +67,13 @@ class UnnamedLaws:
     def __init__(self, search: Search, whole: Fit, misfit: bool) -> None:
         self.search, self.whole, self.misfit = search, whole, misfit
         self.left = beyond_noise(search, whole)
+
+    @cached_property
+    def elsewhere(self) -> float:
+        """rms beyond the sensor's noise, unit of u, that the set leaves in the half of the travel where it was not
+        fitted; 0 where what that is more than in its own is too little to be missing."""
+        more = more_in_other_half(self.search, self.whole)
+        return math.hypot(self.left, math.sqrt(more)) if more > self.search.problem.least_missing**2 else 0.0
 
     @cached_property
     def _part(self) -> tuple[Search, Fit, FreeformFits]:
@@ -84,11 +94,28 @@ class UnnamedLaws:
         def share(left: float) -> float:
             return own / max(own + (POLICY.stands_in * left) ** 2, 1e-300)
 
-        beside, instead = self._shares(member) if self.misfit else (1.0, 0.0)
+        placed, left = of_places(member.effect) and self.elsewhere > 0.0, self.left
+        if placed:  # what no function of the position takes over acts beside it
+            beside, left = self._of_no_place(member), self.elsewhere
+            instead = 1.0 - beside
+        else:
+            beside, instead = self._shares(member) if self.misfit else (1.0, 0.0)
         background = min(self.left, POLICY.least_unknown * self.search.problem.errors.force)
         if member.effect.memory:  # no function of the channels does what another law with memory does
             background = self.left
-        return beside * share(background) + instead * share(self.left)
+        return beside * share(background) + instead * share(left)
+
+    def imitates(self, member: Term, there: float) -> bool:
+        """Whether a law of the position that the other half of the travel speaks against is rather not there."""
+        return there < POLICY.even and of_places(member.effect) and self.elsewhere > 0.0
+
+    def _of_no_place(self, member: Term) -> float:
+        """Share of what a law of the position takes off that a free function of the position does not take over: of the
+        pitch of magnets that is finer than such a function all, of a weight nothing."""
+        fits, on = self._part[2], (PLACE,)
+        worth = float(fits.without(member.id).sum() - fits.without("").sum())
+        own = float(fits.without(member.id, on).sum() - fits.without("", on).sum())
+        return min(max(own / max(worth, 1e-300), 0.0), 1.0)
 
     def _shares(self, member: Term) -> tuple[float, float]:
         """Belief that an effect acts beside whatever else does, and that a function of its own channels acts instead;

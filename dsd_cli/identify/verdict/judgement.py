@@ -26,6 +26,7 @@ from dsd_cli.identify.verdict.probability import (
     probability_of,
     surest_of,
     unexplained_of,
+    without_imitating,
 )
 from dsd_cli.identify.verdict.resonance import Resonance, note_on
 
@@ -45,10 +46,10 @@ class Verdict:
         limits: Limits,
     ) -> None:
         self.search, self.problem, self.seen, self.shown = search, search.problem, shown.seen, shown
-        self.options, self.whole, self.members, self.own, self.beyond = options, whole, members, own, beyond
+        self.options, self.whole, self.members, self.own = options, whole, members, own
         self.limits, self._named_for = limits, dict[str, str]()
-        self.surest = surest_of(search, whole, limits)
-        self.alone = {o.effect: o for o in options}
+        self.named_part, self.beyond = without_imitating(search, whole, members, beyond)
+        self.surest, self.alone = surest_of(search, whole, limits), {o.effect: o for o in options}
         for one in self._members_alone():
             self.alone[one.effect] = max(self.alone.get(one.effect, one), one, key=lambda o: o.evidence)
         self.rising = self.doubted = ""  # it would be named, but the error rises with it; it stands in for another law
@@ -90,7 +91,7 @@ class Verdict:
 
     def _unknown(self) -> tuple[str, float]:
         """As sure as what is left of u is a force; a push above the band, or play, is rather there than not."""
-        likely = left_over(self.search, self.whole)
+        likely = left_over(self.search, self.named_part)
         return UNKNOWN, min(max(likely, POLICY.even if self.shown.said else 0.0), self.limits.surest)
 
     def _of_members(self) -> tuple[str, float]:
@@ -107,9 +108,9 @@ class Verdict:
         doubtful = self.beyond.of_channels(best) or needs_acceleration(named)
         belief = max(member.probabilities.get(named, 0.0), member.place / (1 + len(member.rivals)))
         belief = probability_of(member, belief, self.surest)
-        more = unexplained_of(self.search, self.whole, self.beyond, POLICY.surest).probability
+        more = unexplained_of(self.search, self.named_part, self.beyond, POLICY.surest).probability
         first, before = begun is self.search.refit, math.exp(-POLICY.effect_price)  # a set that is taken is taken whole
-        if (doubtful and known < POLICY.share_of_possible) or (first and belief < min(more, before)):
+        if member.imitates or (doubtful and known < POLICY.share_of_possible) or (first and belief < min(more, before)):
             self.doubted = best
             return self._unknown()
         self._named_for[named] = best
@@ -164,8 +165,7 @@ class Verdict:
         option, lowers = self.alone.get(name), self._lowers(name)
         if option is None:
             return False, False, -math.inf
-        given = self.own.score.rmse  # of a model that nothing was fitted for
-        return lowers, lowers and self.problem.errors.rmse(option.fit) < given, option.evidence
+        return lowers, lowers and self.problem.errors.rmse(option.fit) < self.own.score.rmse, option.evidence
 
     def _in_creeping(self) -> Option | None:
         """An effect that would take much off what is left, but only at stops and in creeping, where nothing is sure."""
@@ -221,7 +221,7 @@ class Verdict:
             held_out=tuple(r.name for r in problem.holdout),
             nearest=nearest,
             missing=(Missing(verdict, self.sure),) if one else self.missing,
-            unexplained=unexplained_of(self.search, self.whole, self.beyond, certain),
+            unexplained=unexplained_of(self.search, self.named_part, self.beyond, certain),
         )
 
     def _nearest(self) -> str:

@@ -23,6 +23,8 @@ from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.belief import UnnamedLaws, shared_belief
 from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise
 from dsd_cli.identify.verdict.limits import Limits
+from dsd_cli.identify.verdict.passive import drives_along
+from dsd_cli.identify.verdict.places import PLACE
 from dsd_cli.identify.verdict.pushes import pushes_leave_more
 
 #: Name of the alternative without any further effect.
@@ -36,6 +38,7 @@ class Membership:
     probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well;
     alike : those of them whose likelihood is less, but by no more than the model misfits anyway, and that change what
     the model had given as little. there : belief that it, or what takes its place, acts beside any law without a name.
+    imitates : with others it does what some force of the position does, and not in the other half of the travel.
     surest : no verdict on it may be surer.
     """
 
@@ -44,6 +47,7 @@ class Membership:
     rivals: tuple[str, ...]
     alike: tuple[str, ...] = ()
     there: float = 1.0
+    imitates: bool = False
     surest: float = 1.0
 
     @property
@@ -63,10 +67,22 @@ def memberships(search: Search, whole: Fit, unknown: bool) -> dict[str, Membersh
     """Of each effect that was found; `unknown` : something remains that nothing explains."""
     misfit = unknown or search.problem.reconstructed("velocity")
     laws = UnnamedLaws(search, whole, unknown or above_floor(search, whole))
+    there = {t: laws.belief(t, search.without(whole, t)) for t in search.added(whole.terms)}
     return {
-        t.id: replace(membership(search, whole, t.id, misfit), there=laws.belief(t, search.without(whole, t)))
-        for t in search.added(whole.terms)
+        t.id: replace(membership(search, whole, t.id, misfit), there=likely, imitates=laws.imitates(t, likely))
+        for t, likely in there.items()
     }
+
+
+def without_imitating(
+    search: Search, whole: Fit, members: Mapping[str, Membership], beyond: Discrepancy
+) -> tuple[Fit, Discrepancy]:
+    """The set that was found without members that imitate a force of the position together, and what is beyond it: that
+    force is unknown. The values of the others stay those beside them."""
+    alike = [t for t in whole.terms if t.id in members and members[t.id].imitates]
+    if not alike:
+        return whole, beyond
+    return search.without(whole, *alike), replace(beyond, on=(PLACE,), unknown=True)
 
 
 def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Membership:
@@ -78,7 +94,7 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     plain = search.problem.errors
     member = next(t for t in whole.terms if t.id == effect_id)
     rest = search.without(whole, member)
-    options = [o for o in search.options(rest) if o.effect != effect_id]
+    options = [o for o in search.options(rest) if o.effect != effect_id and not drives_along(search, o.fit)]
     own = Option(effect_id, whole, search.evidence(whole))
     worth = plain.rmse(rest) ** 2 - plain.rmse(whole) ** 2
 
