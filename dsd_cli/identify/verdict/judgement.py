@@ -81,13 +81,13 @@ class Verdict:
         if self.members:
             return self._of_members()
         known = self._share_of_possible(self.own.score.heldout_rmse, self.own.refitted.heldout_rmse)
-        above = above_floor(search, search.refit)
+        above, surest = above_floor(search, search.refit), min(self.surest, self.limits.surest_of_nothing)
         likely, varies = known * self.own.probability, beyond.unknown and beyond.of_gain  # then no one inertia is right
         if self.own.wrong and known >= POLICY.share_of_possible and not above and not varies:
-            return self.own.wrong, min(likely, self.surest)
+            return self.own.wrong, min(likely, surest)
         if beyond.unknown or above or self.shown.said:
             return self._unknown()
-        return NONE, min(nothing_missing(search, self.options), self.surest)
+        return NONE, min(nothing_missing(search, self.options), surest)
 
     def _unknown(self) -> tuple[str, float]:
         """As sure as what is left of u is a force; a push above the band, or play, is rather there than not."""
