@@ -101,6 +101,25 @@ def test_a_crawl_tells_its_cogging_and_no_inertia():
     assert found.refitted_model.inertia > 1e-9  # no inertia of 1e-99
 
 
+@pytest.mark.parametrize("given", [1e-2, 1e-5])
+def test_an_inertia_far_too_large_for_the_log_hides_no_law_of_an_axis_without_any(given):
+    """The shaft torque of a propeller at levels of speed: with J a of what was given every law raised the error."""
+    random, t = np.random.default_rng(8), np.arange(0.0, 40.0, 0.025)
+    level = np.repeat(random.uniform(200.0, 1200.0, 16), 100)
+    speed = np.empty(t.size)
+    speed[0] = level[0]
+    for k in range(1, t.size):
+        speed[k] = speed[k - 1] + 0.1 * (level[k] - speed[k - 1])
+    torque = 2.2e-7 * speed**2 + 2e-4 * random.normal(size=t.size)
+    log = Log({"u": torque, "velocity": speed + 0.5 * random.normal(size=t.size)}, 0.025, "log.csv")
+    found = diagnose([prepare(log, OBSERVER)], PlantModel(given, 0.0, {}), OBSERVER, Settings())
+    assert (found.verdict, found.probability > 0.9) == ("quadratic_drag", True)
+    drag = next(c for c in found.ranking if c.effect == "quadratic_drag")
+    assert drag.parameters["coefficient"].value == pytest.approx(2.2e-7, rel=0.01)
+    assert drag.heldout_rmse_after < 0.1 * drag.heldout_rmse_before
+    assert found.estimates["inertia"].grade == "not"
+
+
 def test_of_an_axis_that_sticks_and_slips_the_way_that_explains_it_is_taken():
     """J a is more than a fifth of u, for moments; the motion by u leaves a fifth of that, u by the motion nothing."""
     question = next(t for t in tiers() if t.name == "crawl through cogging").draw(91001)

@@ -43,6 +43,11 @@ class Errors:
         """rms of u and J a together, unit of u: forces of that size move the axis."""
         return math.hypot(self.force, inertia * _rms(self.bank.acceleration[self._keep]))
 
+    def inertia_within(self, rows: Array | None) -> float:
+        """J of which J a is as large as these rows (of an excerpt, too), rms, unit of u; infinite without any."""
+        accelerates = _rms(self.bank.acceleration[self._keep])
+        return math.inf if rows is None or accelerates == 0.0 else _rms(rows) / accelerates
+
     def cancelled(self, fit: Fit, term: Term) -> bool:
         """Whether others of a fit must hold this one: its force is more than u and J a together, rms."""
         rows, at = self.bank.design(fit.terms, fit.tap).rows, fit.columns_of(term)

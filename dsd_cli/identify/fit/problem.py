@@ -63,9 +63,10 @@ class Problem:
 
     @property
     def scale(self) -> Scale:
-        """From coefficients to values."""
+        """From coefficients to values. A given inertia that is not found stays as far as the log leaves it open."""
         solver, least = self.solver, 0.0 if self.solver.inverse else POLICY.least_inertia * self.solver.inertia
-        return Scale(solver.bank.tap_time, self.model.rest_speed, solver.known, self.model.inertia, least)
+        given = min(self.model.inertia, self.errors.inertia_within(self.noise.rows) if solver.inverse else math.inf)
+        return Scale(solver.bank.tap_time, self.model.rest_speed, solver.known, given, least)
 
     @cached_property
     def ranges(self) -> Ranges:

@@ -84,7 +84,7 @@ class Modes:
         jacobian = np.column_stack([*slopes, columns])
         size = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-300)
         scaled = jacobian / size
-        covariance = variance * np.linalg.pinv(scaled.T @ scaled) / np.outer(size, size)
+        covariance = variance * np.linalg.pinv(scaled.T @ scaled) / size / size[:, None]
         given = np.concatenate([at, found])
         tiny = 1e-6 * np.maximum(np.abs(given), 1e-12)
         rates = np.stack([(_of_effect(given + d) - _of_effect(given)) / d.sum() for d in np.diag(tiny)], axis=1)
