@@ -48,7 +48,7 @@ class Given:
         """How the engine shall work."""
         from dsd_cli.identify.verdict.diagnose import Settings
 
-        return Settings(known=self.known)
+        return Settings(known=self.known, linear=self.settings.signals.units.position == "m")
 
 
 def check_logs(logs: Sequence[str], holdout: Sequence[str], signals: Signals | None = None) -> None:

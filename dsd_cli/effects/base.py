@@ -157,6 +157,7 @@ class Effect:
         model then has sections `<id>`, `<id>_2`, `<id>_3`, ... of one law. None: there is one in a model.
     told_apart : another effect, "inertia" or "delay", that logs often cannot distinguish from this one -> the
         experiment that can. It is enough if one of the two says so.
+    of_angle : the position is an angle: an axis of which it is a length has no such effect.
     needs_of : values -> channels that it needs with these; None: `needs`, which is all that it may need.
     joint : (values, inertia J of the whole plant) -> what it is in the joint of a robot simulator; None: nobody said.
     of_joint : (terms of a joint, inertia) -> values for each of this effect that is among them; None: it is none.
@@ -183,6 +184,7 @@ class Effect:
     varies: tuple[str, ...] = ()
     repeats: Callable[[Ranges], bool] | None = None
     told_apart: Mapping[str, str] = field(default_factory=dict)
+    of_angle: bool = False
     needs_of: Callable[[Values], tuple[str, ...]] | None = None
     joint: Callable[[Values, float], JointTerms] | None = None
     of_joint: Callable[[JointTerms, float], Sequence[Values]] | None = None

@@ -35,6 +35,7 @@ EFFECT = Effect(
     split=_split,
     join=_join,
     rarity=3,
+    of_angle=True,
     told_apart={
         "inertia": "hold the axis at several angles, or move slowly over a whole turn: gravity acts at rest,"
         " inertia does not",

@@ -6,11 +6,12 @@ import subprocess
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError
 from tests.cli.engine import START, Engine, engine, files, rig, run
-from tests.cli.rig import DSD, FEW, done, dsd, refused
+from tests.cli.rig import AXIS, DSD, FEW, done, dsd, refused
 from tests.report.examples import DIAGNOSIS
 
 __all__ = ["engine", "rig"]
@@ -42,6 +43,28 @@ def test_a_turned_command_is_said_with_the_key_that_mends_it(tmp_path: Path) -> 
     given = ("diagnose", SAMPLES / "servo-friction.csv", "-c", SAMPLES / "servo-bare.toml", "--to", 1, *encoder_only)
     assert "signals.u_sign = 1" in dsd(*given, "--set", "signals.u_sign=-1", cwd=tmp_path, effects=FEW).stderr
     assert "warning" not in dsd(*given, cwd=tmp_path, effects=FEW).stderr
+
+
+@pytest.mark.parametrize(("unit", "asked"), [("m", False), ("rad", True)])
+def test_a_position_that_is_a_length_has_no_weight_that_goes_with_an_angle(
+    tmp_path: Path, unit: str, asked: bool
+) -> None:
+    """Of a spring over a short way a weight was as good, and the remedy was half a turn."""
+    t = 0.002 * np.arange(3000)
+    lines = [(0.02, 0.7, 0.0), (0.01, 2.3, 1.0)]
+    x = sum(a * np.sin(2.0 * np.pi * f * t + p) for a, f, p in lines)
+    u = sum((800.0 - 1.2 * (2.0 * np.pi * f) ** 2) * a * np.sin(2.0 * np.pi * f * t + p) for a, f, p in lines)
+    table = np.column_stack([t, u, np.round(x, 6)])
+    np.savetxt(tmp_path / "log.csv", table, "%.9g", ",", header="t,u,position", comments="")
+    (tmp_path / "axis.toml").write_text(AXIS.replace("0.01", "1.2"))
+    more = ("--set", f'signals.position_unit="{unit}"', "--format", "json")
+    found = json.loads(
+        done("diagnose", "log.csv", "-c", "axis.toml", *more, cwd=tmp_path, effects=("stiffness", "gravity")).stdout
+    )
+    assert found["verdict"] == "stiffness"
+    assert (found["probability"] > 0.9) is not asked
+    reasons = {one["effect"]: one.get("not_testable", "") for one in found["ranking"]}
+    assert ("length" in reasons["gravity"]) is not asked
 
 
 def test_json_and_quiet(rig: Path, engine: Engine, capsys) -> None:

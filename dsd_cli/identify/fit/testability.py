@@ -69,6 +69,7 @@ class Settings:
     begun : a model with the set that the last rung found: one of those that the search weighs; `begun_with` : effects
         of that set that the climb took since it was found.
     inverse : whether u by the motion is evidence, however large J a is; else that decides (`fit.direction`).
+    linear : whether the position is known to be a length.
     """
 
     effects: tuple[str, ...] | None = None
@@ -80,6 +81,7 @@ class Settings:
     begun: PlantModel | None = None
     begun_with: tuple[str, ...] = ()
     inverse: bool = False
+    linear: bool = False
 
     def without(self, refused: Sequence[str]) -> Settings:
         """The same without effects that raise the held-out error, and others of their kind."""
@@ -97,6 +99,8 @@ def candidates_of(
     testable, untestable = [], {}
     for name in wanted:
         reason = next((missing[c] for c in get_effect(name).needs if c in missing), "")
+        if settings.linear and get_effect(name).of_angle:
+            reason = "the position is a length, no angle"
         if get_effect(name).listed and len(recordings) > 1:
             reason = "a push belongs to one log; diagnose the logs one by one"
         if reason:
