@@ -145,7 +145,7 @@ def grown(search: Search, one: Explanation, limits: Limits, loop: Loop) -> tuple
     the limit of speed no larger than machines have it (`_GROWN`), nor than half of the loop's damping: an axis that
     takes more off it would be held by no such loop."""
     found, most = list[PlantModel](), min(_GROWN * limits.u, _WIDEST * loop.controller.gains.kd * limits.velocity)
-    for option in search.options(one.fit):
+    for option in search.options(one.fit) if most > 0.0 else ():
         law = get_effect(option.effect)
         if (law.role, law.needs, law.memory, len(law.parameters)) != (Role.APPLIED, ("velocity",), False, 1):
             continue

@@ -16,7 +16,7 @@ def _columns(channels: Channels, shape: Shape, state: float | None) -> tuple[tup
     """
     moved = channels.velocity * channels.interval / shape["distance"]
     one = isinstance(moved, float)  # in a simulation, sample by sample
-    direction = (moved > 0.0) - (moved < 0.0) if one else np.sign(moved)
+    direction = float(moved > 0.0) - float(moved < 0.0) if one else np.sign(moved)
     left, mean_left = decay(abs(moved))
     before = 0.0 if state is None else state
     if one or np.ndim(moved) == 0:

@@ -12,8 +12,8 @@ from dsd_cli.signals.log import Array, Log, with_channels
 #: A jump of the position by more than this share of its whole range, and by this many usual changes of its steps, is a
 #: wrap: the steps of a fast axis that is logged slowly are long, but each is about as the one before.
 WRAP_SHARE, WRAP_CHANGES, USUAL = 0.4, 20.0, 95.0
-#: More of its samples than this share are wraps only where the axis went half a turn for each, and wraps are of one
-#: size but for the usual steps beside them.
+#: More of its samples than this share are wraps only of a turn that is known, where the axis went half of it for each;
+#: and wraps are of one size but for the usual steps beside them.
 WRAPS_MOST, TURN_EACH, STEPS_BESIDE = 0.02, 0.5, 2.0
 #: A step by more than so many times the fast ones of the log, and those beside it, is none that the axis made.
 JUMP_STEPS, FAST, BESIDE = 20.0, 99.0, 3
@@ -81,6 +81,9 @@ def unwrapped(q: Array) -> tuple[Array, int, float]:
     moved = 0.5 * (others[np.maximum(at - 1, 0)] + others[np.minimum(at, others.size - 1)])
     sizes, usual = np.abs(steps[jumps] - moved), float(np.percentile(np.abs(others), USUAL))
     turn = _whole_turn(float(np.median(sizes)), usual)
+    often = jumps.size > WRAPS_MOST * q.size  # then a stroke and a fast way back are as likely
+    if often and (turn == float(np.median(sizes)) or np.diff(jumps).min() == 1):
+        return q, 0, 0.0
     if np.max(np.abs(sizes - turn)) > STEPS_BESIDE * usual + _PRINTED * turn:
         return q, 0, 0.0
     offsets = np.zeros(q.size)

@@ -72,7 +72,7 @@ def test_dahl_against_scipy():
 
 
 def test_dahl_is_a_spring_at_first_and_then_dry_friction():
-    slow, fast = (Channels(0.0, 0.0, v, 0.0, T) for v in (1e-4, 1e3))
+    slow, fast = (Channels(0.0, 0.0, v, 0.0, T) for v in (1e-4, np.float64(1e3)))  # a step of a simulation, by either
     values = {"level": 0.3, "stiffness": 30.0}
     force, _ = get_effect("presliding_friction").force(slow, values)
     assert force == pytest.approx(-30.0 * 0.5e-7, rel=1e-4)  # half way into the interval

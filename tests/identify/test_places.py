@@ -14,7 +14,7 @@ STEP, INERTIA, LEVEL = 0.002, 0.02, 0.3
 ASKED = ("coulomb_friction", "gravity", "stiffness", "cogging", "constant_load")
 
 
-def found(force, seed=4, effects=ASKED, forward=0.0):
+def found(force, seed=4, effects=ASKED, forward=0.0, level=LEVEL):
     """Of u = J a + Coulomb friction + force(q), with what is exactly known of a motion of sines of some rad; `forward`:
     a speed that is added, rad/s."""
     random, t = np.random.default_rng(seed), np.arange(0.0, 20.0, STEP)
@@ -24,7 +24,7 @@ def found(force, seed=4, effects=ASKED, forward=0.0):
     position = np.sin(angle) @ size + forward * t
     velocity, acceleration = np.cos(angle) @ (size * w) + forward, -np.sin(angle) @ (size * w**2)
     channels = {
-        "u": INERTIA * acceleration + LEVEL * np.sign(velocity) + force(position, velocity),
+        "u": INERTIA * acceleration + level * np.sign(velocity) + force(position, velocity),
         "velocity": velocity + 2e-3 * random.normal(size=t.size),
         "position": position + 1e-5 * random.normal(size=t.size),
     }
@@ -59,3 +59,10 @@ def test_friction_that_would_push_the_axis_along_the_other_way_is_no_rival():
     got = found(lambda q, v: 0.05 * v, effects=asked, forward=9.0)
     assert {"viscous_friction"} <= likely(got)
     assert next(m.probability for m in got.missing if m.effect == "viscous_friction") > 0.8
+
+
+def test_beside_an_asymmetry_that_is_there_ties_stay():
+    """A set that pushes along by itself rules none of its rivals out: Coulomb friction is a constant load one way."""
+    asked = ("coulomb_friction", "constant_load", "viscous_asymmetry", "gravity")
+    got = found(lambda q, v: 0.3 - 0.05 * np.abs(v), effects=asked, forward=15.0, level=0.0)
+    assert "coulomb_friction" not in likely(got)

@@ -152,3 +152,15 @@ def test_the_motion_that_a_low_pass_took_is_known_by_its_size(share):
     assert 0.4 < lost.speed / true < 3.0
     assert 0.4 < lost.reach * share < 1.2  # a quarter of the cut's period, 0.5 / share samples, or some more
     assert lost_motion([np.diff(position, 2) / 0.004**2], 0.004) == NOTHING_LOST
+
+
+@pytest.mark.parametrize("speed", ["sines", "a step", "constant"])
+@pytest.mark.parametrize("noisy", [False, True])
+def test_a_log_of_exact_values_passed_no_low_pass(speed, noisy):
+    """A simulated log has no noise, and a motion of some lines nothing above them: that took nothing from it."""
+    t = 0.002 * np.arange(10_000)
+    angle = np.outer(t, 2.0 * np.pi * np.array([0.5, 1.1, 1.7]))
+    velocity = {"sines": np.cos(angle).sum(1), "a step": np.tanh(5.0 * (t - 10.0)), "constant": np.ones_like(t)}[speed]
+    u = 0.1 * velocity + (0.01 * np.random.default_rng(3).normal(size=t.size) if noisy else 0.0)
+    acceleration, ends = np.diff(velocity) / 0.002, last_angle(density([u]))
+    assert lost_motion([acceleration], 0.002, ends) == NOTHING_LOST

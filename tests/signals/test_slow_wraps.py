@@ -22,3 +22,8 @@ def test_places_that_an_axis_goes_to_and_fro_between_in_one_row_are_no_wraps() -
     rng = np.random.default_rng(5)
     q = np.repeat(np.arange(300) % 2, 10) + 1e-4 * rng.standard_normal(3000)
     assert unwrapped(q)[1] == 0
+
+
+@pytest.mark.parametrize("stroke", [np.linspace(0.0, 100.0, 30), np.append(np.linspace(0.0, 360.0, 50), 180.0)])
+def test_strokes_with_a_fast_way_back_are_no_wraps(stroke: np.ndarray) -> None:
+    assert unwrapped(np.tile(stroke, 40))[1] == 0

@@ -20,7 +20,7 @@ from dsd_cli.errors import DataError
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.regular import SAMPLED_U
 from dsd_cli.identify.recordings.smoothing import noise_of
-from dsd_cli.identify.recordings.spectrum import SensorKind, SensorNoise, sensor_noise
+from dsd_cli.identify.recordings.spectrum import SensorKind, SensorNoise, density, last_angle, sensor_noise
 from dsd_cli.plant.filtering import SETTLED
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import observe_log
@@ -59,9 +59,10 @@ def with_acceleration(pieces: Sequence[Log], observer: ObserverSettings) -> tupl
     pole = observer.pole(pieces[0].sample_time)
     found: list[tuple[float, list[Array], Sensor]] = []
     angle = np.array([2.0 * np.pi * min(COMPARED_SHARE, COMPARED_HZ * pieces[0].sample_time)])
+    ends = last_angle(density([piece["u"] for piece in pieces]))
     for kind in _kinds(pieces[0]):
         measured = [_acceleration(piece, kind, observer) for piece in pieces]
-        noise = sensor_noise(kind, measured, pole, [piece["white"] for piece in pieces if "white" in piece])
+        noise = sensor_noise(kind, measured, pole, [piece["white"] for piece in pieces if "white" in piece], ends)
         sure = noise._replace(scale=min(noise.scale, max(_of_samples(piece, kind, observer) for piece in pieces)))
         two = kind == "position" or (kind == "d_hat" and pieces[0].d_hat_source == "position")
         worth = float(noise.density(angle)[0]) / PREFERENCE[kind]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -16,6 +17,8 @@ SensorKind = Literal["position", "velocity", "d_hat"]
 #: Exponent of w from which on the fall of a density is no motion's; ratio of the ends of the bands that are compared,
 #: half an octave, and frequencies in one at least.
 _STEEP, _WIDTH, _FEWEST_BINS = 5.0, math.sqrt(2.0), 2
+#: Bands below that fall, an octave and a half, in which a log that passed a low-pass holds something.
+_BROAD = 3
 #: Rows of a segment at most, and segments that a short signal is still cut into.
 SEGMENT, FEWEST_SEGMENTS = 2048, 6
 
@@ -92,17 +95,18 @@ class SensorNoise(NamedTuple):
 
 
 def sensor_noise(
-    kind: SensorKind, accelerations: Sequence[Array], pole: float = 0.0, white: Sequence[Array] = ()
+    kind: SensorKind, accelerations: Sequence[Array], pole: float = 0.0, white: Sequence[Array] = (), ends: float = 0.0
 ) -> SensorNoise:
     """The noise of the sensor behind these accelerations, from where motion has ended in their spectrum.
 
     Parameters
     ----------
     white : noise of variance 1, interpolated as the channel was; () if it was not. Less of it is left up there.
+    ends : angle at which u ends; the log does not end below it.
     """
     unit, found = SensorNoise(kind, pole, 1.0), density(accelerations)
     top = POLICY.noise_from_share * math.pi
-    end = math.pi if white else last_angle(found)
+    end = math.pi if white else max(last_angle(found), ends)
     if end < top:  # a low-pass took the noise away: no more of it is known than that the band may reach up to there
         return unit._replace(scale=_read(unit, found, end / _WIDTH, end) / POLICY.signal_over_noise)
     scale = _read(unit, found, top)
@@ -110,47 +114,52 @@ def sensor_noise(
 
 
 def last_angle(found: Density) -> float:
-    """Angle up to which an acceleration holds anything: from there on its density falls as no motion's does.
+    """Angle up to which a signal holds anything: beyond it its density falls as no motion's does; pi if it does not.
 
     A jump of the acceleration has a density of w^-2, a jump of its slope w^-4, and what a sensor adds does not fall.
-    A steeper fall, all the way to the top, is that of a low-pass or of the window's side lobes, w^-6.
+    A steeper fall, all the way to the top, is that of a low-pass, or of the side lobes of the window (w^-6) beside
+    the lines of an exact motion: below a low-pass there is something for it to take.
     """
-    high, above = math.pi, 0.0
-    while np.count_nonzero(inside := (found.angle > high / _WIDTH) & (found.angle <= high)) >= _FEWEST_BINS:
-        power = float(np.median(found.power[inside]))
-        if power < above * _WIDTH**_STEEP:
-            return high
-        high, above = high / _WIDTH, power
-    return high
+    edges, power = [math.pi], list[float]()
+    while np.count_nonzero(inside := (found.angle > edges[-1] / _WIDTH) & (found.angle <= edges[-1])) >= _FEWEST_BINS:
+        power.append(float(np.median(found.power[inside])))
+        edges.append(edges[-1] / _WIDTH)
+    steep = [not below < above * _WIDTH**_STEEP for above, below in pairwise(power)]
+    first = steep.index(False) if False in steep else len(steep)
+    if not power or power[0] == 0.0 or any(steep[first:][:_BROAD]) or len(steep) < first + _BROAD:
+        return math.pi
+    return edges[first + 1]
 
 
 class Lost(NamedTuple):
     """What a low-pass took from the motion of a log; 0 where it passed none.
 
     speed : rms of what is missing, rad/s or m/s. way : on which a reversal is smeared, rad or m. reach : samples to
-        either side over which it is: a quarter of the last period that is left.
+        either side over which it is: a quarter of the last period that is left. hz : the last frequency.
     """
 
     speed: float
     way: float
     reach: int
+    hz: float
 
 
-NOTHING_LOST = Lost(0.0, 0.0, 0)
+NOTHING_LOST = Lost(0.0, 0.0, 0, math.inf)
 
 
-def lost_motion(accelerations: Sequence[Array], sample_time: float) -> Lost:
-    """Above the last frequency that is left, jumps of the acceleration had a density that falls as w^-2."""
+def lost_motion(accelerations: Sequence[Array], sample_time: float, ends: float = 0.0) -> Lost:
+    """Above the last frequency that is left, jumps of the acceleration had a density that falls as w^-2. ends : as in
+    `sensor_noise`."""
     if not accelerations:
         return NOTHING_LOST
     found = density(accelerations)
-    end = last_angle(found)
+    end = max(last_angle(found), ends)
     if end >= POLICY.noise_from_share * math.pi:
         return NOTHING_LOST
     inside = (found.angle >= end / _WIDTH) & (found.angle <= end)
     speed = sample_time * math.sqrt(float(np.median(found.power[inside])) / (3.0 * math.pi * end))
     reach, usual = math.ceil(0.5 * math.pi / end), math.sqrt(float(np.mean(np.concatenate(accelerations) ** 2)))
-    return Lost(speed, 0.5 * usual * (reach * sample_time) ** 2, reach)
+    return Lost(speed, 0.5 * usual * (reach * sample_time) ** 2, reach, end / (2.0 * math.pi * sample_time))
 
 
 def _read(unit: SensorNoise, found: Density, low: float, high: float = math.pi) -> float:

@@ -158,20 +158,20 @@ _LEAST_IN_COMMON = 0.45
 class Limits:
     """common : share of u that the motion explains in parts of the log that were not fitted. idle : a part of u that
     did not act, without which all is asked again. time : whether u is late or smoothed. direction : share of the
-    samples in motion whose direction the sensor shows, 0 to 1. constant : whether u is, in all logs. passed : Hz above
-    which a low-pass took all from a log; infinite where none did."""
+    samples in motion whose direction the sensor shows, 0 to 1. constant : whether u is, in all logs. passed : (log, Hz
+    above which a low-pass took all from it)."""
 
     common: float
     idle: UnactedCommand | None
     time: CommandTime
     direction: float
     constant: bool = False
-    passed: float = math.inf
+    passed: tuple[tuple[str, float], ...] = ()
 
     @property
     def surest_of_nothing(self) -> float:
         """Upper bound on the probability that no law is missing: what a low-pass took from the log is not in it."""
-        return self.surest if math.isinf(self.passed) else min(self.surest, POLICY.surest_in_doubt)
+        return min(self.surest, POLICY.surest_in_doubt) if self.passed else self.surest
 
     @property
     def surest(self) -> float:
@@ -212,11 +212,11 @@ class Limits:
                 " which the axis moves: friction is indistinguishable from other forces; a finer encoder or faster"
                 " moves would do"
             )
-        if math.isfinite(self.passed):
-            found.append(
-                f"u and the motion passed a low-pass of about {self.passed:.2g} Hz before they were logged: a load that"
-                " swings, play or a lag above it are not in this log. Log them without it"
-            )
+        found += [
+            f"u and the motion of {name} passed a low-pass of about {hz:.2g} Hz before they were logged: a load that"
+            " swings, play or a lag above it are not in this log. Log them without it"
+            for name, hz in self.passed
+        ]
         return tuple(found)
 
 
@@ -247,7 +247,7 @@ def limits_of(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
     # where the log is against a value that was given, u was neither late nor smoothed with none given
     time = CommandTime() if settings.against else command_time(search, whole, settings)
     recordings = search.problem.recordings
-    passed = min(1.0 / (4.0 * r.lost.reach * r.sample_time) if r.lost.reach else math.inf for r in recordings)
+    passed = tuple((r.name, r.lost.hz) for r in recordings if math.isfinite(r.lost.hz))
     return Limits(common, idle, time, direction, constant_u(recordings), passed)
 
 

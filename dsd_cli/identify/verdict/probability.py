@@ -94,7 +94,8 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     plain = search.problem.errors
     member = next(t for t in whole.terms if t.id == effect_id)
     rest = search.without(whole, member)
-    options = [o for o in search.options(rest) if o.effect != effect_id and not drives_along(search, o.fit)]
+    driven = drives_along(search, rest)  # then no one effect in its place need mend that
+    options = [o for o in search.options(rest) if o.effect != effect_id and (driven or not drives_along(search, o.fit))]
     own = Option(effect_id, whole, search.evidence(whole))
     worth = plain.rmse(rest) ** 2 - plain.rmse(whole) ** 2
 
