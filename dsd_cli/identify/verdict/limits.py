@@ -170,8 +170,8 @@ class Limits:
 
     @property
     def surest_of_nothing(self) -> float:
-        """Upper bound on the probability that no law is missing: what a low-pass took from the log is not in it."""
-        return min(self.surest, POLICY.surest_in_doubt) if self.passed else self.surest
+        """Upper bound on the probability that no law is missing: what a low-pass took from a log, that leaves open."""
+        return min(self.surest, POLICY.even) if self.passed else self.surest
 
     @property
     def surest(self) -> float:
