@@ -40,7 +40,9 @@ def test_of_a_complete_model_nothing_is_missing(hz):
     recording, model, observer = logged((), 2, hz)
     found = diagnose([recording], model, observer, Settings(effects=EFFECTS))
     assert found.verdict == NONE
-    assert found.probability > 0.9 if hz == 0.0 else found.probability == pytest.approx(0.5)  # of what is not in the log
+    assert (
+        found.probability > 0.9 if hz == 0.0 else found.probability == pytest.approx(0.5)
+    )  # of what is not in the log
     said = [warning for warning in found.warnings if "passed a low-pass" in warning]
     assert len(said) == (hz > 0.0)
     assert (recording.lost == NOTHING_LOST) is (hz == 0.0)

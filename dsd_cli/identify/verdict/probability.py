@@ -23,7 +23,6 @@ from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.belief import UnnamedLaws, shared_belief
 from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise
 from dsd_cli.identify.verdict.limits import Limits
-from dsd_cli.identify.verdict.passive import drives_along
 from dsd_cli.identify.verdict.places import PLACE
 from dsd_cli.identify.verdict.pushes import pushes_leave_more
 
@@ -94,8 +93,7 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     plain = search.problem.errors
     member = next(t for t in whole.terms if t.id == effect_id)
     rest = search.without(whole, member)
-    driven = drives_along(search, rest)  # then no one effect in its place need mend that
-    options = [o for o in search.options(rest) if o.effect != effect_id and (driven or not drives_along(search, o.fit))]
+    options = [o for o in search.options(rest) if o.effect != effect_id]
     own = Option(effect_id, whole, search.evidence(whole))
     worth = plain.rmse(rest) ** 2 - plain.rmse(whole) ** 2
 
