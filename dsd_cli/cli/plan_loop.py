@@ -53,7 +53,8 @@ def closed(job: tuple[Config, list[str], Request, bool], command: str, output: s
         asked = _from_where_it_is(asked, answer.plan)
         answer = planned(settings, paths, asked, quiet)
         open_now = left_open(answer.diagnosis)
-        if open_now and misled(answer.diagnosis, (alone := planned(settings, [str(log)], asked, quiet)).diagnosis):
+        alone = _alone(settings, log, asked, quiet) if open_now else None
+        if alone is not None and misled(answer.diagnosis, alone.diagnosis):
             together = f"with the logs before it {', '.join(open_now)} would stay open"
             note = f"{log} alone leaves nothing open and is the answer; {together}: they mislead"
             answer, open_now = replace(alone, warnings=(*alone.warnings, note)), ()
@@ -63,6 +64,14 @@ def closed(job: tuple[Config, list[str], Request, bool], command: str, output: s
             answer = replace(answer, plan=_without_motion(answer.plan))
             break
     return replace(answer, experiments=tuple(experiments))
+
+
+def _alone(settings: Config, log: Path, asked: Request, quiet: bool) -> Answer | None:
+    """What the newest log says by itself; None where that cannot be asked: the axis hardly moved in it."""
+    try:
+        return planned(settings, [str(log)], asked, quiet)
+    except DataError:
+        return None
 
 
 def _without_motion(plan: Plan) -> Plan:

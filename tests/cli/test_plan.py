@@ -298,13 +298,20 @@ open(sys.argv[2], "w").write(chr(10).join(["t,u,position", *rows]))
 LIMITS = Limits(-1.0, 1.0, 3.0, 20.0, 400.0, 1.0, 0.0)
 
 
-def closed_with(command: str, monkeypatch: pytest.MonkeyPatch, limits: Limits = LIMITS) -> tuple[Answer, list[int]]:
-    """(answer of a loop whose plans are always the same motion, number of logs of each): open until two logs are."""
+def closed_with(
+    command: str, monkeypatch: pytest.MonkeyPatch, limits: Limits = LIMITS, *, stands: bool = False
+) -> tuple[Answer, list[int]]:
+    """(answer of a loop whose plans are always the same motion, number of logs of each): open until two logs are.
+
+    stands : the new log alone shows an axis that does not move.
+    """
     plan = Plan(("small.csv",), "gravity", Motion(0.001, *np.zeros((4, 101))), (), (), (), limits)
     asked: list[int] = []
 
     def planned(_settings: object, logs: list[str], *_: object) -> Answer:
         asked.append(len(logs))
+        if stands and logs == ["auto-1-log.csv"]:
+            raise DataError("auto-1-log.csv: the axis does not move", "a log with moves in both directions is needed")
         said = _said("gravity", "gravity", tied=("stiffness",) if len(logs) < 3 else ())
         said.probability = 0.9
         return Answer(plan, said)  # type: ignore[arg-type]
@@ -327,6 +334,14 @@ def test_the_loop_goes_on_where_it_was(tmp_path: Path, monkeypatch: pytest.Monke
     again, _ = closed_with(command, monkeypatch)
     assert again.experiments == first.experiments
     assert Path("runs.txt").read_text() == runs
+
+
+def test_the_loop_goes_on_where_the_new_log_alone_says_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    Path("rig.py").write_text(STAND)
+    answer, asked = closed_with(f"{sys.executable} rig.py {{reference}} {{log}}", monkeypatch, stands=True)
+    assert [one.left_open for one in answer.experiments] == [("gravity or stiffness",), ()]
+    assert asked == [1, 2, 1, 3]
 
 
 def test_a_command_sees_words_and_no_shell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
