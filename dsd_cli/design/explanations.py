@@ -11,7 +11,7 @@ import numpy as np
 from dsd_cli.design.closed_loop import Loop
 from dsd_cli.design.limits import Limits
 from dsd_cli.design.rows import Model, shapes_of
-from dsd_cli.effects import Channels, Effect, Role, catalogue, get_effect
+from dsd_cli.effects import Channels, Effect, Role, catalogue, get_effect, is_angle
 from dsd_cli.identify.fit.bank import FIXED, SHARE
 from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
 from dsd_cli.identify.fit.covariance import root_of
@@ -265,10 +265,7 @@ def values_of(search: Search, first: Explanation, wanted: Sequence[str] | None) 
     """Weak ones, or those that were asked for, with their slopes."""
     estimates = search.problem.values(first.fit).estimates
     if wanted is None:
-        told = (n for n, e in estimates.items() if e.grade in ("weak", "not") and not e.held)
-        wanted = [
-            n for n in told if "." not in n or not get_effect(n.split(".")[0]).parameter(n.split(".")[1]).whole_turn
-        ]
+        wanted = [n for n, e in estimates.items() if e.grade in ("weak", "not") and not (e.held or is_angle(n))]
     found = []
     for name in wanted:
         value, error = estimates[name].value, estimates[name].std_error

@@ -59,7 +59,8 @@ def verified(
 
     Raises
     ------
-    DataError : however small it is, a plant breaks a limit, or its loop is not stable. TooNarrowError : as the logs.
+    DataError : however small the motion, a plant breaks a limit; the loop is not stable with a plant that counts.
+    TooNarrowError : it does what the logs did.
     """
     order = [k for i, k in enumerate(plants) if not any(k[2] == o[2] and plants[k] == plants[o] for o in [*plants][:i])]
     order.sort(key=lambda k: any(get_effect(name).memory for name in plants[k].effects))  # those that take longer last

@@ -79,6 +79,12 @@ def delays_command(name: str) -> bool:
     return name == "delay" or (effect is not None and effect.lateness is not None)
 
 
+def is_angle(name: str) -> bool:
+    """Whether a value, "<effect>.<parameter>" or one of the plant, is an angle that is the same after a turn."""
+    effect, _, parameter = name.partition(".")
+    return bool(parameter) and get_effect(effect).parameter(parameter).whole_turn
+
+
 @cache
 def _numbered(name: str) -> Effect | None:
     """The effect that repeats under a name with a number."""

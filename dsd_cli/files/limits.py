@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from dsd_cli.effects import is_angle
 from dsd_cli.errors import UsageError
 from dsd_cli.files.config import config_text, parse_tables
 from dsd_cli.files.config.fitting import limits_of, named_values
@@ -40,7 +41,7 @@ def _read_limit(value: Any, at: Place, name: str) -> Limit:
             raise at.refused(value, f"{part[1]} is a number in the unit of the value, without %")
         relative = relative or bool(part[3])
         found[part[1]] = float(number(lower=0.0 if part[1] == "within" else -math.inf).read(size, at))
-    if relative and _is_angle(name):
+    if relative and is_angle(name):
         raise at.refused(value, f'{name} is an angle: write the change in rad, such as "within 0.2"')
     limit = Limit(
         found.get("within", math.inf) / (100.0 if relative else 1.0),
@@ -51,13 +52,6 @@ def _read_limit(value: Any, at: Place, name: str) -> Limit:
     if not (limit.lower <= limit.upper and limit.lower <= high and limit.upper >= low):
         raise at.refused(value, "no value is within")
     return limit
-
-
-def _is_angle(name: str) -> bool:
-    from dsd_cli.effects import get_effect
-
-    effect, dot, parameter = name.partition(".")
-    return bool(dot) and get_effect(effect).parameter(parameter).whole_turn
 
 
 class Limits(Section):

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 
-from dsd_cli.effects import get_effect
+from dsd_cli.effects import is_angle
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.recordings.recording import Recording
@@ -160,10 +160,7 @@ def value_of(reading: Reading, name: str) -> Estimate:
 def change(name: str, value: float, reference: float) -> float:
     """value - reference; of an angle the shorter way round."""
     difference = value - reference
-    effect, _, parameter = name.partition(".")
-    if parameter and get_effect(effect).parameter(parameter).whole_turn:
-        return math.remainder(difference, 2.0 * math.pi)
-    return difference
+    return math.remainder(difference, 2.0 * math.pi) if is_angle(name) else difference
 
 
 def _verdict(name: str, found: Estimate, limit: Limit, reference: Reference) -> Verdict:

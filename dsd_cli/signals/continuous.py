@@ -76,12 +76,12 @@ def unwrapped(q: Array) -> tuple[Array, int, float]:
         return q, 0, 0.0
     jumps = np.flatnonzero(np.abs(steps) > WRAP_SHARE * float(np.ptp(q)))
     others, at = np.delete(steps, jumps), jumps - np.arange(jumps.size)  # a jump is a turn less what the axis moved
-    if jumps.size == 0 or others.size < 2 or not _may_be_wraps(steps[jumps], others):
+    often = jumps.size > WRAPS_MOST * steps.size  # then a stroke and a fast way back are as likely
+    if jumps.size == 0 or others.size < 2 or not _may_be_wraps(steps[jumps], others, often):
         return q, 0, 0.0
     moved = 0.5 * (others[np.maximum(at - 1, 0)] + others[np.minimum(at, others.size - 1)])
     sizes, usual = np.abs(steps[jumps] - moved), float(np.percentile(np.abs(others), USUAL))
     turn = _whole_turn(float(np.median(sizes)), usual)
-    often = jumps.size > WRAPS_MOST * q.size  # then a stroke and a fast way back are as likely
     if often and (turn == float(np.median(sizes)) or np.diff(jumps).min() == 1):
         return q, 0, 0.0
     if np.max(np.abs(sizes - turn)) > STEPS_BESIDE * usual + _PRINTED * turn:
@@ -91,10 +91,9 @@ def unwrapped(q: Array) -> tuple[Array, int, float]:
     return q + np.cumsum(offsets), int(jumps.size), turn
 
 
-def _may_be_wraps(jumps: Array, others: Array) -> bool:
+def _may_be_wraps(jumps: Array, others: Array, often: bool) -> bool:
     """Whether none of the jumps is as the other steps change, and the axis moves enough for so many."""
     changes = float(np.percentile(np.abs(np.diff(others)), USUAL))
-    often = jumps.size > WRAPS_MOST * (jumps.size + others.size)
     far = np.abs(others).sum() > TURN_EACH * np.abs(jumps).sum()
     return bool(np.abs(jumps).min() > WRAP_CHANGES * changes and (far or not often))
 

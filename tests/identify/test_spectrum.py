@@ -144,14 +144,19 @@ def test_what_passed_a_low_pass_ends_about_its_cut(order, share):
     assert 30.0 < np.median(found.power[near] / told[near]) < 300.0
 
 
+def lost_of(acceleration, step, ends=0.0):
+    """Of a log whose u ends at that angle."""
+    return lost_motion([acceleration], step, sensor_noise("position", [acceleration], ends=ends).end)
+
+
 @pytest.mark.parametrize("share", [0.05, 0.15, 0.4])
 def test_the_motion_that_a_low_pass_took_is_known_by_its_size(share):
     speed, position = jumping(6)
-    lost = lost_motion([np.diff(filtered(position, share), 2)[200:-200] / 0.004**2], 0.004)
+    lost = lost_of(np.diff(filtered(position, share), 2)[200:-200] / 0.004**2, 0.004)
     true = np.std((speed - filtered(speed, share))[200:-200])
     assert 0.4 < lost.speed / true < 3.0
     assert 0.4 < lost.reach * share < 1.2  # a quarter of the cut's period, 0.5 / share samples, or some more
-    assert lost_motion([np.diff(position, 2) / 0.004**2], 0.004) == NOTHING_LOST
+    assert lost_of(np.diff(position, 2) / 0.004**2, 0.004) == NOTHING_LOST
 
 
 @pytest.mark.parametrize("speed", ["sines", "a step", "constant"])
@@ -163,4 +168,4 @@ def test_a_log_of_exact_values_passed_no_low_pass(speed, noisy):
     velocity = {"sines": np.cos(angle).sum(1), "a step": np.tanh(5.0 * (t - 10.0)), "constant": np.ones_like(t)}[speed]
     u = 0.1 * velocity + (0.01 * np.random.default_rng(3).normal(size=t.size) if noisy else 0.0)
     acceleration, ends = np.diff(velocity) / 0.002, last_angle(density([u]))
-    assert lost_motion([acceleration], 0.002, ends) == NOTHING_LOST
+    assert lost_of(acceleration, 0.002, ends) == NOTHING_LOST

@@ -131,16 +131,17 @@ def choose(
     done : called with the share that is done.
     """
 
-    def counted(choice: Choice, at: int, of: int, half: float) -> Choice:
-        done(half + 0.5 * at / of)
-        return choice
-
     now, samples = evidence.engine.settings, len(evidence.inputs.u)
     wanted = list(candidates(now, noise, samples))
-    tried = [counted(judged(evidence, one, path), at, len(wanted), 0.0) for at, one in enumerate(wanted)]
+    tried, scored = list[Choice](), list[tuple[int, int]]()
+    for settings in wanted:
+        tried.append(judged(evidence, settings, path))
+        done(0.5 * len(tried) / len(wanted))
     best = max(choice.agreement for choice in tried)
     near = [choice for choice in tried if choice.agreement >= best - SLACK]
     near.sort(key=lambda choice: (choice.changes, -round(choice.confident, 3), choice.settings.window))
     near = near[:MOST_SIMULATED]
-    scored = [(choice.changes, alarms(counted(choice, at, len(near), 0.5).settings)) for at, choice in enumerate(near)]
+    for choice in near:
+        scored.append((choice.changes, alarms(choice.settings)))
+        done(0.5 + 0.5 * len(scored) / len(near))
     return near[scored.index(min(scored))]

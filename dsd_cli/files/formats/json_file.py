@@ -99,13 +99,10 @@ def _collect(value: Any, name: str, found: dict[str, Table], rows_of: Mapping[in
 
 def _are_tests(value: Any) -> bool:
     """Whether it is a list of tests, each with its samples in arrays; short ones are of one message."""
-    return isinstance(value, list) and any(
-        isinstance(one, Mapping)
-        and any(
-            isinstance(part, list) and len(part) > LONGEST_ARRAY and _numbers(part) is not None for part in one.values()
-        )
-        for one in value[:1]
-    )
+    if not (isinstance(value, list) and value and isinstance(value[0], Mapping)):
+        return False
+    arrays = (part for part in value[0].values() if isinstance(part, list) and len(part) > LONGEST_ARRAY)
+    return any(_numbers(part) is not None for part in arrays)
 
 
 def _numbers(value: Any) -> Array | None:

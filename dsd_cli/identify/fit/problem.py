@@ -61,7 +61,7 @@ class Problem:
         """Held-out blocks."""
         return self.solver.blocks
 
-    @property
+    @cached_property
     def scale(self) -> Scale:
         """From coefficients to values. A given inertia that is not found stays as far as the log leaves it open."""
         solver, least = self.solver, 0.0 if self.solver.inverse else POLICY.least_inertia * self.solver.inertia

@@ -21,7 +21,7 @@ from dsd_cli.identify.recordings.reconstruction import drift
 from dsd_cli.identify.recordings.regular import regularised
 from dsd_cli.identify.recordings.sensor import Sensor, check_signs, net_force, with_acceleration
 from dsd_cli.identify.recordings.smoothing import Smoothed, channel_noise, noise_of, smooth, widened
-from dsd_cli.identify.recordings.spectrum import NOTHING_LOST, Lost, cycle_of, density, last_angle, lost_motion
+from dsd_cli.identify.recordings.spectrum import NOTHING_LOST, Lost, cycle_of, lost_motion
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import Frame
@@ -128,9 +128,7 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
         (float(np.sqrt(np.mean(p["velocity"] ** 2))) for p in pieces if "velocity" in p), default=0.0
     )
     walk = _walk(pieces, observer) if "reconstructed" in provenance["velocity"] else 0.0
-    plain = [p for p in pieces if "white" not in p]
-    ends = last_angle(density([p["u"] for p in plain])) if plain else math.pi
-    lost = lost_motion([p["acceleration"] for p in plain], log.sample_time, ends)
+    lost = lost_motion([p["acceleration"] for p in pieces], log.sample_time, sensor.noise.end)
     noise = math.hypot(noise, walk, lost.speed)
     rest = max(rest_speed, POLICY.rest_deviations * noise, creep)
     pieces = [with_channels(p, turning=_turning(p, observer, rest, max(margin, lost.reach))) for p in pieces]

@@ -60,12 +60,14 @@ class SensorNoise(NamedTuple):
     """Noise of a measured acceleration: its density is `scale` times a shape that the kind of sensor sets.
 
     kind : "position" is differenced twice (d^2), "velocity" once (d); "d_hat" has passed Q, whose inverse gives
-        ((1-p)^2 + p d) / (1-p)^2 with the pole p. scale : (rad/s2)^2 or (m/s2)^2.
+        ((1-p)^2 + p d) / (1-p)^2 with the pole p. scale : (rad/s2)^2 or (m/s2)^2. end : angle above which the log
+        holds nothing, for u and motion passed a low-pass; pi where they did not.
     """
 
     kind: SensorKind
     pole: float
     scale: float
+    end: float = math.pi
 
     def density(self, angle: Array) -> Array:
         """Density of the noise, shape of `angle`."""
@@ -108,7 +110,7 @@ def sensor_noise(
     top = POLICY.noise_from_share * math.pi
     end = math.pi if white else max(last_angle(found), ends)
     if end < top:  # a low-pass took the noise away: no more of it is known than that the band may reach up to there
-        return unit._replace(scale=_read(unit, found, end / _WIDTH, end) / POLICY.signal_over_noise)
+        return unit._replace(scale=_read(unit, found, end / _WIDTH, end) / POLICY.signal_over_noise, end=end)
     scale = _read(unit, found, top)
     return unit._replace(scale=scale / (_read(unit, density([unit.of_white(x) for x in white]), top) if white else 1.0))
 
@@ -147,15 +149,12 @@ class Lost(NamedTuple):
 NOTHING_LOST = Lost(0.0, 0.0, 0, math.inf)
 
 
-def lost_motion(accelerations: Sequence[Array], sample_time: float, ends: float = 0.0) -> Lost:
-    """Above the last frequency that is left, jumps of the acceleration had a density that falls as w^-2. ends : as in
-    `sensor_noise`."""
-    if not accelerations:
+def lost_motion(accelerations: Sequence[Array], sample_time: float, end: float) -> Lost:
+    """Above the last frequency that is left, jumps of the acceleration had a density that falls as w^-2. end : as in
+    `SensorNoise`."""
+    if end == math.pi:
         return NOTHING_LOST
     found = density(accelerations)
-    end = max(last_angle(found), ends)
-    if end >= POLICY.noise_from_share * math.pi:
-        return NOTHING_LOST
     inside = (found.angle >= end / _WIDTH) & (found.angle <= end)
     speed = sample_time * math.sqrt(float(np.median(found.power[inside])) / (3.0 * math.pi * end))
     reach, usual = math.ceil(0.5 * math.pi / end), math.sqrt(float(np.mean(np.concatenate(accelerations) ** 2)))
