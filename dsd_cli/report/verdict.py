@@ -111,8 +111,10 @@ def _with_the_set(result: Diagnosis, winner: Candidate) -> tuple[str, str]:
         return "", f"{alone} ({unit})"
     together = moves(result.refitted.heldout_rmse, result.whole_heldout_rmse)
     only = f"with {winner.effect} alone it {alone}"
-    doubtful = {one.effect for one in result.ranking if not believed(one.probability)}
-    others = [name for name in others if name not in doubtful]
+    # of several of a kind the ranking has the first alone
+    likely = {one.effect: one.probability for one in result.ranking}
+    likely |= {one.effect: one.probability for one in result.missing}
+    others = [name for name in others if name not in likely or believed(likely[name])]
     beside = f", and so {'is' if len(others) == 1 else 'are'} {listed(others)}" if others else ""
     return beside, f"{together} with all ({unit}); {only}"
 

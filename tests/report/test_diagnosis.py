@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.missing import Unexplained
+from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.results import Candidate, Estimate
 from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
 from dsd_cli.report.figure import rendered
@@ -130,6 +130,16 @@ def test_of_several_the_values_are_those_of_the_joint_fit() -> None:
         "unit": "u",
         "at_bound": False,
     }
+
+
+def test_lines_of_one_kind_that_are_rather_not_there_are_not_said_to_be() -> None:
+    """Of several the ranking has the first alone."""
+    lines = [Missing("cogging", 0.7), Missing("cogging_2", 0.6), Missing("cogging_3", 0.03)]
+    found = (*SEVERAL.found, *(one.effect for one in lines))
+    several = replace(SEVERAL, found=found, missing=(Missing("coulomb_friction", 0.97), *lines))
+    said = verdict_line(several)
+    assert ", and so are viscous_asymmetry, cogging and cogging_2;" in said
+    assert "cogging_3" not in said
 
 
 def test_words_do_not_contradict_their_probability() -> None:
