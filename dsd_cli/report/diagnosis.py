@@ -196,7 +196,7 @@ def _closing_lines(report: DiagnosisReport) -> list[str]:
     if along:
         fitted = (f"{name} {estimate_text(e)}" for name, e in along.items())
         lines.append("also fitted: " + ", ".join(fitted))
-    lines += correlation_lines(result.correlations)
+    lines += correlation_lines(result.correlations, result.estimates)
     on = f" of {listed(result.ceiling.on)}" if result.ceiling.on else ""
     if math.isfinite(result.ceiling.heldout_rmse):
         lines.append(f"ceiling: the best free-form function{on} reaches {error(result.ceiling.heldout_rmse)}")

@@ -51,7 +51,7 @@ def print_values(
             AGAINST if name in against else grade(one),
         )
     console.print(table)
-    for line in correlation_lines(correlations):
+    for line in correlation_lines(correlations, values):
         console.print(escaped(line))
 
 
@@ -74,10 +74,15 @@ def grade(one: Estimate) -> str:
     return ", ".join(words)
 
 
-def correlation_lines(correlations: Correlations) -> list[str]:
-    """Pairs of values whose estimates are strongly correlated."""
-    lines = [f"strongly correlated: {a} and {b} (correlation {r:.2f})" for a, b, r in correlations[:MOST_CORRELATIONS]]
-    more = len(correlations) - MOST_CORRELATIONS
+def correlation_lines(correlations: Correlations, values: Estimates) -> list[str]:
+    """Pairs of values whose estimates are strongly correlated: those of which the log leaves one unsure.
+
+    Two values that are both identified are distinguished, however much their small errors go together.
+    """
+    sure = {name for name, one in values.items() if one.grade == "identified"}
+    open_ = [pair for pair in correlations if not sure.issuperset(pair[:2])]
+    lines = [f"strongly correlated: {a} and {b} (correlation {r:.2f})" for a, b, r in open_[:MOST_CORRELATIONS]]
+    more = len(open_) - MOST_CORRELATIONS
     return [*lines, f"  and {more} more pairs (--format json lists them)"] if more > 0 else lines
 
 

@@ -104,7 +104,11 @@ MISTAKES = {
         COULOMB + "1\nlevl = 2",
         "unknown parameter model.effects.coulomb_friction.levl: did you mean level?",
     ),
-    "no parameter": ("[model.effects.coulomb_friction]", "[model.effects.coulomb_friction] level is missing"),
+    "no parameter": ("[model.effects.coulomb_friction]", "[model.effects.coulomb_friction] level is missing: Fc, the"),
+    "no parameters": (
+        "[model.effects.cogging]\namplitude = 0.1",
+        "[model.effects.cogging] periods and phase are missing: periods: n: periods per turn",
+    ),
     "bounds": (COULOMB + "-1", "model.effects.coulomb_friction.level = -1: must be a number of at least 0"),
     "effect value": (
         "[model.effects]\ncoulomb_friction = 1",

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from dsd_cli.identify.results import Variant
+from dsd_cli.identify.results import Estimate, Variant
 from dsd_cli.identify.verdict.contradictions import Contradiction
 from dsd_cli.report.diagnosis import stability_line
 from dsd_cli.report.prior_conflicts import first_of_all, once
@@ -56,8 +56,10 @@ def test_a_verdict_that_changes_on_half_of_the_data_says_which_way():
     assert stability_line(told) == line + "no confirmation of that"
 
 
-def test_values_that_a_log_hardly_tells_apart_are_named():
+def test_values_of_which_a_log_leaves_one_open_are_named_with_what_they_go_with():
     pair = ("coulomb_friction.level", "constant_load.force", -0.97)
+    sure, weak = Estimate(1.0, 0.01, "u", grade="identified"), Estimate(1.0, 0.2, "u", grade="weak")
     said = "strongly correlated: coulomb_friction.level and constant_load.force (correlation -0.97)"
-    assert correlation_lines((pair,)) == [said]
-    assert correlation_lines(()) == []
+    assert correlation_lines((pair,), {pair[0]: sure, pair[1]: weak}) == [said]
+    assert correlation_lines((pair,), {pair[0]: sure, pair[1]: sure}) == []
+    assert correlation_lines((), {}) == []

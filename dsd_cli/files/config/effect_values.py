@@ -5,10 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dsd_cli.errors import UsageError
 from dsd_cli.files.config.rules import Place, Rule, axis, number
+
+if TYPE_CHECKING:
+    from dsd_cli.effects import Parameter
 
 #: Effect id -> parameter -> value (a tuple of values on an axis of the grid).
 EffectValues = Mapping[str, Mapping[str, Any]]
@@ -100,14 +103,21 @@ def check_complete(values: EffectValues, at: Place, believed: EffectValues = NON
 
     Raises
     ------
-    UsageError : names the first parameter that is missing.
+    UsageError : names what is missing of the first effect that lacks something.
     """
     if not values:
         return
     from dsd_cli.effects import get_effect
 
     for name, given in values.items():
-        for p in get_effect(name).parameters:
-            if not p.optional and p.name not in given and p.name not in believed.get(name, {}):
-                bounds = f", at least {p.lower:g}" if p.lower > -math.inf else ""
-                raise at.child(name).missing(p.name, f"{p.meaning}{bounds}")
+        known = {*given, *believed.get(name, {})}
+        lacking = [p for p in get_effect(name).parameters if not (p.optional or p.name in known)]
+        if lacking:
+            names, several = " and ".join(p.name for p in lacking), len(lacking) > 1
+            wanted = [f"{p.name}: {_wanted(p)}" if several else _wanted(p) for p in lacking]
+            raise at.child(name).missing(names, "; ".join(wanted))
+
+
+def _wanted(parameter: Parameter) -> str:
+    bounds = f", at least {parameter.lower:g}" if parameter.lower > -math.inf else ""
+    return f"{parameter.meaning}{bounds}"

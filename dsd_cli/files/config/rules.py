@@ -37,7 +37,7 @@ class Place(NamedTuple):
         return self.refused(value, f"must be {allowed}")
 
     def missing(self, key: str, meaning: str) -> UsageError:
-        return UsageError(f"{self.file}: [{self.path}] {key} is missing", meaning)
+        return UsageError(f"{self.file}: [{self.path}] {key} {'are' if ' and ' in key else 'is'} missing", meaning)
 
     def unknown(self, key: str, known: Iterable[str], what: str = "key") -> UsageError:
         return UsageError(f"{self.file}: unknown {what} {self.child(key).path}", suggestion(key, known))

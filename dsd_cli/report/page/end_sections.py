@@ -46,7 +46,7 @@ def _open(story: Story) -> list[str]:
         for key, one in result.values.items()
         if one.at_bound
     ]
-    found += correlation_lines(result.correlations)
+    found += correlation_lines(result.correlations, result.values)
     ties = [*_ties(story), *(c for c in result.last.ranking if c.effect == result.last.verdict)]
     pairs = [(c.effect, listed(c.indistinguishable_from, "or")) for c in ties if c.indistinguishable_from]
     found += [f"{effect} is indistinguishable from {others}" for effect, others in pairs]

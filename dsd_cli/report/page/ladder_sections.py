@@ -134,7 +134,7 @@ def values_section(story: Story) -> Html:
         "values",
         title,
         table(("value", "as given", "fitted, ± one standard error", "unit", "identifiability"), rows, "values"),
-        listing(correlation_lines(result.correlations), "facts"),
+        listing(correlation_lines(result.correlations, result.values), "facts"),
         tag("p", f"The last verdict on parts: {stable}.") if stable else None,
         tag("h3", "On logs that no fit saw") if held_out else None,
         listing(held_out, "facts"),
