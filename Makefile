@@ -5,7 +5,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
-.PHONY: setup compiled demo test lint check wheels figures bench bench-hidden beyond clean
+.PHONY: setup compiled collected demo test lint check wheels figures bench bench-hidden beyond clean
 
 setup: $(STAMP)
 
@@ -23,6 +23,10 @@ $(VENV)/.compiled: $(STAMP)
 compiled: $(VENV)/.compiled
 	$(BIN)/python -m compileall -q dsd_cli bench
 
+# pytest rewrites the assertions of each file of tests: once here, not in each of its processes
+collected: compiled
+	@PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest -qq --collect-only > /dev/null || true  # `make test` says it
+
 demo: compiled
 	@mkdir -p out
 	@PATH="$(CURDIR)/$(BIN):$$PATH" sh sample_logs/demo.sh
@@ -30,7 +34,7 @@ demo: compiled
 # three processes on two cores: an eighth of the time is waited, for terminals and children;
 # property tests draw the same examples in every run, so that red means a change; `make bench` draws new ones
 test: compiled
-	$(BIN)/python -m pytest -n 3 --dist worksteal
+	$(BIN)/python -m pytest -n 3 --dist worksteal -m "not study"
 
 lint: setup
 	$(BIN)/ruff check .
@@ -50,6 +54,7 @@ wheels: setup
 bench: setup
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[bench]"
 	$(BIN)/python -m bench
+	$(BIN)/python -m pytest -n 3 --dist worksteal -m study
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.beyond cost --print
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench hidden --seeds 1
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench random

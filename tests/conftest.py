@@ -8,9 +8,11 @@ them only wait for each other.
 """
 
 import os
+from pathlib import Path
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before anything loads NumPy
 
+import pytest
 from hypothesis import HealthCheck, settings
 
 settings.register_profile(
@@ -18,3 +20,20 @@ settings.register_profile(
 )
 settings.register_profile("random", settings.get_profile("repeatable"), derandomize=False)
 settings.load_profile("repeatable")
+
+
+#: Tests that `make bench` runs alone.
+STUDY = Path(__file__).with_name("study.txt")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_collection_modifyitems(config, items):
+    """Marks what STUDY lists; a line that fits no test of a file that was collected whole is an error."""
+    listed = [line for line in STUDY.read_text().splitlines() if not line.startswith("#")]
+    found = {line: [item for item in items if item.nodeid.startswith(line)] for line in listed}
+    whole = set() if any("::" in a for a in config.args) else {item.nodeid.partition("::")[0] for item in items}
+    if lost := [line for line, its in found.items() if not its and line.partition("::")[0] in whole]:
+        raise pytest.UsageError(f"{STUDY.name} lists what no test is called: {lost}")
+    for its in found.values():
+        for item in its:
+            item.add_marker(pytest.mark.study)
