@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, NamedTuple
 
@@ -11,6 +11,7 @@ from dsd_cli.cli.init_roles import Chosen
 from dsd_cli.cli.init_units import Units
 from dsd_cli.files.config import Signals
 from dsd_cli.files.config.signals import UNKNOWN
+from dsd_cli.files.names_in import words_in
 from dsd_cli.files.recognise import Recognised
 from dsd_cli.files.words import COUNTS, plain_unit
 from dsd_cli.signals.units import POSITION, VELOCITY
@@ -72,8 +73,10 @@ def name_unit(channel: str, one: Recognised, out: Proposal) -> None:
         if counts := plain_unit(one.unit) in COUNTS:
             unit = "counts/s" if channel == "velocity" else "counts"
             known = f'is counts: {channel}_unit = "{unit}" and counts_per_turn (or counts_per_metre) say how much'
+        if electrical := channel == "velocity" and not one.unit and "erpm" in words_in(one.column):
+            known = "is electrical rpm: velocity_scale = 0.10472 / pole pairs says how much"
         out.put("signals", f"{channel}_unit", UNKNOWN)
-        out.asked[channel] = OpenUnit(f'the unit of "{one.column}" {known}', not counts)
+        out.asked[channel] = OpenUnit(f'the unit of "{one.column}" {known}', not (counts or electrical))
 
 
 def _one_kind(channel: str, unit: str, out: Proposal) -> bool:
@@ -119,9 +122,9 @@ def questions(out: Proposal) -> list[str]:
     return lines
 
 
-def drop_open(out: Proposal) -> None:
-    """Without units that are unknown: SI it is."""
-    for channel in ("position", "velocity"):
+def drop_open(out: Proposal, channels: Collection[str] = ("position", "velocity")) -> None:
+    """Without units of these that are unknown: SI it is, or a factor of the user's makes it that."""
+    for channel in channels:
         if is_open(out, channel):
             del out.values["signals", f"{channel}_unit"]
             out.asked.pop(channel, None)

@@ -73,6 +73,9 @@ def column_question(path: str, chosen: Chosen, given: Mapping[str, str], text: s
         why = f" that changes: {' and '.join(chosen.idle)}" if chosen.idle else ""
         return Question(text, f"this log has no control input{why}; dsd needs one", "")
     moves = any(one in chosen.found for one in ("d_hat", "velocity", "position"))
+    if "u" not in chosen.found and not moves and not chosen.elsewhere and len(chosen.left) < 2:
+        one = f'only "{chosen.left[0]}"' if chosen.left else "no column"
+        return Question(text, f"{one} changes as a control input or a motion does: dsd needs one of each", "")
     named = {role: column for role, column in given.items() if role in GIVEN and role != "u"}
     named = {"u": given.get("u", chosen.found["u"].column if "u" in chosen.found else "NAME"), **named}
     if not moves:

@@ -11,6 +11,7 @@ import numpy as np
 from dsd_cli.cli.init_direction import with_direction
 from dsd_cli.cli.init_stamps import unit_of_stamps, with_even_stamps
 from dsd_cli.cli.init_union import (
+    by_motion_units,
     by_units,
     clock_of,
     forces_in,
@@ -26,6 +27,7 @@ from dsd_cli.files.first_look import FirstLook
 from dsd_cli.files.joints import apart
 from dsd_cli.files.recognise import (
     Recognised,
+    as_it_is_now,
     is_asked,
     is_command,
     is_force,
@@ -59,7 +61,7 @@ class Chosen:
 
     `missing`: "u", "position" or "" for nothing; `candidates`: columns that it may be, likeliest first. `elsewhere`:
     there are columns of other joints, too. `again`: columns that are the motion once more. `idle`: what columns do
-    whose names make them what is missing, and that cannot be it.
+    whose names make them what is missing, and that cannot be it. `left`: columns that change and have no role.
     """
 
     found: Mapping[str, Recognised]
@@ -73,6 +75,7 @@ class Chosen:
     elsewhere: bool = False
     again: frozenset[str] = frozenset()
     idle: tuple[str, ...] = ()
+    left: tuple[str, ...] = ()
 
     @property
     def none_left(self) -> bool:
@@ -104,7 +107,10 @@ def choose(path: str, sample: Sample, given: Mapping[str, str]) -> Chosen:
         joined = _chosen_of(tables, given)
         chosen, mine = (chosen, mine) if joined.missing else (joined, tables)
     why = tuple(idle(sample.tables, chosen.missing))
-    return _of_one_axis(replace(chosen, said=(*said, *chosen.said), elsewhere=bool(away), idle=why), mine, given)
+    taken = {one.column for one in chosen.found.values()}
+    left = tuple(c.name for one in tables for c in one.channels if c.name not in taken and not is_clock(c))
+    chosen = replace(chosen, said=(*said, *chosen.said), elsewhere=bool(away), idle=why, left=left)
+    return _of_one_axis(chosen, mine, given)
 
 
 def _chosen_of(tables: Sequence[Table], given: Mapping[str, str]) -> Chosen:
@@ -156,10 +162,10 @@ def by_names(table: Table, given: Mapping[str, str]) -> FirstLook:
     names = list(units)
     nameless = beside_a_clock(table)
     names_left = [name for name in names if name not in given.values() and name not in nameless]
-    found = recognise(names_left, units)
+    found = recognise(names_left, units, table.beside)
     if not table.clock and "time" not in {**found, **given}:  # what rises evenly is the time, also as "X"
         evenly = {one.name for one in table.channels if is_clock(one)}
-        found = recognise([name for name in names_left if name not in evenly], units)
+        found = recognise([name for name in names_left if name not in evenly], units, table.beside)
     found = {role: one for role, one in found.items() if role not in given}
     for role, column in given.items():
         if column in units:
@@ -259,6 +265,10 @@ def _chosen(look: FirstLook, table: Table, roles: Roles) -> Chosen:
             continue
         unit = look.units.get(guess.column) or unit_in(guess.column, role)
         found[role] = mine if mine is not None and mine.column == guess.column else Recognised(role, guess.column, unit)
+    if not found.keys() & set(MOTION):
+        found |= by_motion_units(look, table, {one.column for one in found.values()})
+    if "position" not in found:
+        found.pop("reference", None)  # of a speed, or of what is not in the log
     if look.clock:
         found.pop("time", None)
     elif "time" in found and "time" not in look.found and roles.facts[found["time"].column].kind == "counter":
@@ -269,7 +279,9 @@ def _chosen(look: FirstLook, table: Table, roles: Roles) -> Chosen:
     rest = [one.name for one in table.channels if one.name not in taken and one.name not in likely]
     rest = [name for name in rest if roles.facts[name].kind in ("signal", "drift", "boolean")]
     may = [name for name in (*likely, *rest) if not is_neither(name, look.units[name]) and name not in roles.again]
-    candidates = tuple(name for name in may if missing != "u" or not is_motion(name, look.units[name]))
+    now = as_it_is_now([*look.columns, *table.beside])  # of which there is one that was asked for
+    no_u = {name for name in may if is_motion(name, look.units[name]) or "u" not in recognise([now.get(name, "u")])}
+    candidates = tuple(name for name in may if missing != "u" or name not in no_u)
     said = tuple(
         f'"{name}" goes as the motion does: it was asked for, or measured again' for name in sorted(roles.again)
     )

@@ -8,7 +8,16 @@ from dataclasses import replace
 
 from dsd_cli.files.first_look import FirstLook
 from dsd_cli.files.joints import numbered_as, other_joints
-from dsd_cli.files.recognise import Recognised, is_motion, is_neither, is_voltage, recognise, role_of_unit
+from dsd_cli.files.recognise import (
+    Recognised,
+    is_asked,
+    is_motion,
+    is_neither,
+    is_voltage,
+    recognise,
+    role_of_unit,
+    unit_in,
+)
 from dsd_cli.files.sample import Table
 from dsd_cli.files.words import quaternions
 from dsd_cli.signals.facts import Channel, facts_of
@@ -42,7 +51,8 @@ def usable(table: Table, given: Collection[str] = ()) -> Table:
         supply = not asked and is_voltage(one.name, one.unit) and facts.low > _SAGS * facts.high
         return facts.kind not in idle and one.name not in turned and not supply
 
-    return replace(table, channels=tuple(filter(kept, table.channels)))
+    names = frozenset(one.name for one in table.channels)
+    return replace(table, channels=tuple(filter(kept, table.channels)), beside=names)
 
 
 def idle(tables: Sequence[Table], missing: str) -> list[str]:
@@ -77,7 +87,9 @@ def of_other_joints(path: str, tables: Sequence[Table], given: Mapping[str, str]
 
 
 def union_of(tables: Sequence[Table]) -> Table:
-    return Table("", tuple(c for one in tables for c in one.channels), None, any(one.clock for one in tables))
+    channels = tuple(c for one in tables for c in one.channels)
+    beside = frozenset[str]().union(*(one.beside for one in tables))
+    return Table("", channels, None, any(one.clock for one in tables), beside)
 
 
 def by_units(look: FirstLook) -> FirstLook:
@@ -89,6 +101,17 @@ def by_units(look: FirstLook) -> FirstLook:
         if role not in found and len(mine) == 1:
             found[role] = Recognised(role, mine[0], look.units[mine[0]])
     return replace(look, found=found)
+
+
+def by_motion_units(look: FirstLook, table: Table, taken: Collection[str]) -> dict[str, Recognised]:
+    """The velocity and the position that have no name of one, where one measured column alone has its unit."""
+    found = {}
+    for role in ("velocity", "position"):
+        units = {c.name: look.units[c.name] or unit_in(c.name, role) for c in table.channels if c.name not in taken}
+        mine = [name for name, unit in units.items() if role_of_unit(unit) == role and not is_asked(name)]
+        if len(mine) == 1:
+            found[role] = Recognised(role, mine[0], units[mine[0]])
+    return found
 
 
 def forces_in(tables: Sequence[Table], found: Mapping[str, Recognised]) -> tuple[str, ...]:

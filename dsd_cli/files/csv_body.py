@@ -106,14 +106,19 @@ def _start(
 ) -> int | None:
     """The first line with numbers where the body has them, and another such line behind it.
 
-    by_label : the first field is blank in the body, and is what a row above it is called.
+    by_label : the first field is blank in the body, and is what a row above it is called, or stands beside its first
+        rows: as instruments write what they were set to on the left of them, whose stamps go on below.
     """
     rows = [at for at, line in enumerate(lines) if not is_comment(line)]
     cells = {at: fields_of(lines[at], delimiter) for at in rows}
     said = Counter(key_of(cells[at]) for at in rows if labelled(cells[at]))  # again and again is a mode of the axis
 
+    def goes_on(at: int) -> bool:
+        three = [cells[k] for k in rows[rows.index(at) :][:3]]
+        return set(map(len, three)) == {width} and any(_rises([row[k] for row in three], True) for k in numeric)
+
     def is_good(at: int) -> bool:
-        named = by_label and cells[at][0].strip()
+        named = by_label and cells[at][0].strip() and not goes_on(at)
         return is_data(cells[at], width, numeric) and said[key_of(cells[at])] != 1 and not named
 
     for at, after, third in zip(rows, [*rows[1:], rows[-1]], [*rows[2:], *rows[-2:]], strict=False):

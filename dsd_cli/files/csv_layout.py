@@ -200,6 +200,7 @@ def _above(rows: Sequence[Row], body: Body) -> Found:
         said = [row for row in rows if row in wide or (row.comment and row in whole)]  # `; Channels 1` names none
         wide = _wide(said, body) or wide
     wide, notes = wide or _few(rows, body), list[str]()
+    own = [row.cells for row in wide]
     if len(wide) == 2 and not _names_of_units(wide[1].cells):
         named = wide[1]._replace(cells=in_groups(wide[1].cells, wide[0].cells))
         wide = wide if _describes(wide[0], wide[1], body) else [named]
@@ -227,7 +228,7 @@ def _above(rows: Sequence[Row], body: Body) -> Found:
         notes.append(f"line {at + 1} names {len(names)} columns, the rows have {body.fields}: the last is left out")
     if comment:
         notes.append(_COMMENTED.format(at + 1))
-    elif at > 0:
+    elif at > 0 and wide[0].cells in own:
         notes.append(f"line {at + 1} is taken as the header, what is above it is left out")
     names, units = with_lines(each, _fitted(names, body), units)
     return Found(Header(names, body.delimiter), body.start, units, notes)
@@ -241,8 +242,7 @@ def _wide(rows: Sequence[Row], body: Body) -> list[Row]:
         first, rows = rows[-1].cells[0].strip(), rows[:-1]  # pandas has the name of the index below all others
     for row in reversed(rows):
         filled = sum(bool(cell.strip()) for cell in row.cells)
-        off = abs(len(row.cells) - body.fields)
-        if off > 1 or filled < max(1, (body.fields + 1) // 2) or all(map(is_number, row.cells)):
+        if abs(len(row.cells) - body.fields) > 1 or 2 * filled < body.fields or all(map(is_number, row.cells)):
             break
         wide.insert(0, row._replace(cells=[cell.strip() for cell in row.cells]))
         if len(wide) == 2:

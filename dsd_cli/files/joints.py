@@ -108,9 +108,9 @@ def apart(columns: Collection[str], one: str, other: str) -> str:
 
 
 def numbered_as(column: str, columns: Collection[str]) -> tuple[str, ...]:
-    """Columns that are called as this one is but for numbers."""
+    """Columns that are called as this one is but for numbers; a number alone is what no header names, and no joint."""
     called = re.sub(r"\d+", "0", column)
-    return tuple(one for one in columns if one != column and re.sub(r"\d+", "0", one) == called)
+    return tuple(one for one in columns if one != column and re.sub(r"\d+", "0", one) == called != "0")
 
 
 def _in_family(column: str, labels: Sequence[str], label: str, mine: set[str]) -> bool:

@@ -13,6 +13,8 @@ from dsd_cli.files.words import (
     ASKED,
     COMMANDS,
     COUNTERS,
+    COUNTS,
+    COUNTS_PER_S,
     ELSE,
     ERRORS,
     GENERAL,
@@ -86,15 +88,22 @@ class Recognised:
         return (_FACTORS[self.channel][named][0], times * _FACTORS[self.channel][named][1]) if named else None
 
 
-def recognise(columns: Sequence[str], units: Mapping[str, str] | None = None) -> dict[str, Recognised]:
-    """Channel -> column, for those whose name says it; "reference" is a position that was asked for."""
+def recognise(
+    columns: Sequence[str], units: Mapping[str, str] | None = None, beside: Collection[str] = ()
+) -> dict[str, Recognised]:
+    """Channel -> column, for those whose name says it; "reference" is a position that was asked for.
+
+    beside : columns that the log has as well, none of which is any of them.
+    """
     units = units or {}
     found: dict[str, Recognised] = {}
+    now = as_it_is_now([*columns, *beside])
     for channel in ("time", "d_hat", "u", "velocity", "position", "reference"):
         scored = [
             (score, -at, column)
             for at, column in enumerate(columns)
-            if column not in {one.column for one in found.values()} and (score := _score(channel, column)) > 0.0
+            if column not in {one.column for one in found.values()}
+            and (score := _score(channel, now.get(column, column))) > 0.0
         ]
         if scored:
             (top, _, best), *rest = sorted(scored, reverse=True)
@@ -102,6 +111,14 @@ def recognise(columns: Sequence[str], units: Mapping[str, str] | None = None) ->
             equals = tuple(column for score, _, column in rest if score == top)
             found[channel] = Recognised(channel, best, units.get(best) or unit_in(best, channel), others, equals)
     return found
+
+
+def as_it_is_now(columns: Sequence[str]) -> dict[str, str]:
+    """Of columns whose `current` is no current but what is so now, what that is: y of current_y beside target_y."""
+    words = {column: words_in(column.rpartition("/")[2]) for column in columns}
+    asked = {tuple(one for one in said if one not in ASKED) for said in words.values() if not ASKED.isdisjoint(said)}
+    first = {column: said[1:] for column, said in words.items() if said[:1] == ["current"] and said[1:]}
+    return {column: "_".join(said) for column, said in first.items() if tuple(said) in asked}
 
 
 def is_force(name: str, unit: str) -> bool:
@@ -115,6 +132,8 @@ def role_of_unit(unit: str) -> str:
     known = whole_unit(unit)
     if known in OF_U.keys() - SHARES:
         return "u"
+    if known in COUNTS:
+        return "velocity" if known in COUNTS_PER_S else "position"
     return next((role for role in ("velocity", "position") if known in NAMED[role]), "")
 
 

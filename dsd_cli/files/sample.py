@@ -27,12 +27,16 @@ SPOILED = 0.1
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """Channels with the same rows; `clock`: the file stamps them by itself. `rows`: None where it does not say."""
+    """Channels with the same rows; `clock`: the file stamps them by itself. `rows`: None where it does not say.
+
+    `beside`: columns that it has as well, and that are not looked at.
+    """
 
     name: str
     channels: tuple[Channel, ...]
     rows: int | None
     clock: bool = False
+    beside: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True, eq=False)

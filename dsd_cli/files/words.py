@@ -110,7 +110,9 @@ _OF_RATED = r"( ?(of )?(the )?\(?(rated|nominal|max|peak|full|fs|nenn|in\b|mn\b)
 _SHARE = re.compile(r"(%|‰|0[.,]1 ?%|per ?mille?|1/1000)" + _OF_RATED)
 #: Units of an encoder, whose resolution no log says.
 COUNTS = {"inc", "incr", "increments", "count", "counts", "cnt", "cts", "pulse", "pulses", "ticks", "inkr", "qc"}
-COUNTS |= {f"{one}/s" for one in COUNTS}
+COUNTS |= {"steps"}
+COUNTS_PER_S = {"cps", *(f"{one}/s" for one in COUNTS)}
+COUNTS |= COUNTS_PER_S
 #: What else stands in a row of units.
 OTHER_UNITS = COUNTS | {
     "%", "-", "1", "c", "°c", "degc", "k", "w", "kw", "bar", "kg", "hz", "khz", "min", "h", "g", "db", "bit", "bool",

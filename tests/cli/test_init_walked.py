@@ -1,0 +1,104 @@
+"""`dsd init` on layouts met in logs that students, makers and labs published: columns and numbers are made up."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dsd_cli.cli.init_log import Asked, Proposed, propose
+from dsd_cli.cli.init_roles import Chosen, choose
+from dsd_cli.files.recognise import recognise
+from dsd_cli.files.sample import sample
+from tests.files import strangers
+
+AXIS = strangers.axis()
+SHORT = {name: x[:600:2] for name, x in AXIS.items()}
+
+
+def chosen(path: Path, **given: str) -> Chosen:
+    return choose(path.name, sample(str(path), told=given.values()), given)
+
+
+def roles(one: Chosen) -> dict[str, str]:
+    return {role: found.column for role, found in one.found.items()}
+
+
+def proposed(path: Path, **values: object) -> Proposed:
+    return propose(str(path), Asked({}, {("signals", key): value for key, value in values.items()}))
+
+
+def table(folder: Path, names: str, *columns: np.ndarray, by: str = ",") -> Path:
+    lines = [names] * bool(names) + strangers.rows(AXIS, *columns, by=by)
+    return strangers.text(folder, "log.csv", lines)
+
+
+def test_what_an_instrument_was_set_to_stands_to_the_left_of_the_first_rows(tmp_path: Path) -> None:
+    """The third line was taken as the header, and the rows above it were lost."""
+    said = ["Record Length,3000,", "Sample Interval,2e-3,", ",,", "Vertical Units,A,", "Vertical Scale,20.0,"]
+    said += [",,"] * (AXIS["t"].size - len(said))
+    rows = zip(said, AXIS["t"] - 1.0, AXIS["u"], strict=True)
+    path = strangers.text(tmp_path, "scope.csv", [f"{a},{t:09.4f},  {u:.5f}," for a, t, u in rows])
+    (whole,) = sample(str(path)).tables
+    values = {one.name: one.values for one in whole.channels}
+    assert values["4"] == pytest.approx(AXIS["t"] - 1.0)
+    assert values["5"] == pytest.approx(AXIS["u"], abs=1e-5)
+    assert proposed(path).question == 'only "5" changes as a control input or a motion does: dsd needs one of each'
+
+
+def test_a_log_in_which_nothing_moves_is_told_so(tmp_path: Path) -> None:
+    jitter = SHORT["t"] + 1e-4 * np.random.default_rng(3).random(SHORT["t"].size)
+    rest = 0.0 * jitter
+    path = table(tmp_path, "host_time_s,frame,iq_mA,theta_mrad", jitter, np.arange(jitter.size), rest, rest)
+    answer = proposed(path)
+    assert answer.question == "no column changes as a control input or a motion does: dsd needs one of each"
+    assert answer.command == ""
+
+
+def test_what_is_current_beside_what_was_asked_for_is_no_current(tmp_path: Path) -> None:
+    """Whatever was asked for stood still, and the place of the robot was its control input."""
+    goal = np.full(SHORT["t"].size, 100.0)
+    names = "time,target_y,current_y,error,step_length"
+    found = chosen(table(tmp_path, names, SHORT["t"], goal, SHORT["q"], goal - SHORT["q"], SHORT["u"]))
+    assert "current_y" not in (roles(found).get("u"), *found.candidates)
+    assert recognise(["t", "motor1_current", "motor1_target"])["u"].column == "motor1_current"
+    assert recognise(["t", "target_torque", "current_torque"])["u"].column == "current_torque"
+
+
+@pytest.mark.parametrize(("name", "role"), [("enconder(steps)", "position"), ("vfilt_cps", "velocity")])
+def test_a_unit_of_an_encoder_says_what_a_name_does_not(name: str, role: str, tmp_path: Path) -> None:
+    counts = np.round(1000.0 * np.random.default_rng(5).standard_normal(SHORT["t"].size))
+    found = chosen(table(tmp_path, f"time(ms),{name},duty", 1e3 * SHORT["t"], counts, SHORT["u"]))
+    assert roles(found) == {"time": "time(ms)", "u": "duty", role: name}
+
+
+def test_a_target_beside_a_speed_alone_is_no_place_that_was_asked_for(tmp_path: Path) -> None:
+    found = chosen(table(tmp_path, "t,iq,rpm,target", SHORT["t"], SHORT["u"], SHORT["v"], np.sign(SHORT["u"])))
+    assert roles(found) == {"time": "t", "u": "iq", "velocity": "rpm"}
+
+
+def test_electrical_turns_are_none_of_the_shaft_until_the_pole_pairs_are_said(tmp_path: Path) -> None:
+    path = table(tmp_path, "t,iq,erpm", SHORT["t"], SHORT["u"], SHORT["v"])
+    assert any("erpm" in line and "pole pairs" in line for line in proposed(path).said)
+    answer = proposed(path, velocity_scale=0.015)
+    assert "velocity_scale = 0.015" in answer.text
+    assert not any("pole pairs" in line for line in answer.said)
+
+
+def test_columns_without_names_are_no_joints(tmp_path: Path) -> None:
+    """Its stamps, which begin anew with each run, were those of another joint than the columns that were named."""
+    t = np.concatenate([SHORT["t"][:150], SHORT["t"][:150]]) + 1e-4 * np.random.default_rng(2).random(300)
+    path = table(tmp_path, "", SHORT["u"], t, SHORT["v"], SHORT["q"], by=", ")
+    assert roles(chosen(path, u="1", position="4")) | {"velocity": "3"} == {
+        "time": "2",
+        "u": "1",
+        "position": "4",
+        "velocity": "3",
+    }
+
+
+def test_a_row_that_names_the_columns_is_not_said_to_be_left_out(tmp_path: Path) -> None:
+    named = "Parameter [0x2201/31],,Parameter [0x2201/93],,Bus [0x4C01/2],\nX,Y,X,Y,X,Y"
+    at = np.arange(300.0)
+    looked = sample(str(table(tmp_path, named, at, SHORT["u"], at, SHORT["q"], at, SHORT["v"])))
+    assert "Bus [0x4C01/2]/Y" in [one.name for one in looked.tables[0].channels]
+    assert not any("left out" in note for note in looked.notes)
