@@ -94,7 +94,7 @@ def _say(command: str, output: str, override: list[str] | None) -> str:
     Without a command no column is left that could be named.
     """
     if not command:
-        return "record the torque, force, current or voltage beside the motion"
+        return "record a motion together with its torque, force, current or voltage"
     texts = [text for text in override or [] if text.partition("=")[0] not in [f"signals.{role}" for role in _NAMED]]
     named = f" -o {quote(output)}" * (output != "dsd.toml")
     return "".join([f"say it: {command}{named}", *(f" --set {quote(text)}" for text in texts)])

@@ -69,9 +69,12 @@ def column_question(path: str, chosen: Chosen, given: Mapping[str, str], text: s
     text = with_value(
         text, "signals", chosen.missing, '""', printable(f"# <- MISSING: {what}{listed and f'; one of {listed}'}")
     )
-    if chosen.missing == "u" and chosen.none_left and not chosen.again:
+    kind, none = "motion", bool(chosen.idle) and not chosen.candidates
+    if chosen.missing == "u":
+        kind, none = "control input", chosen.none_left and not chosen.again
+    if none:
         why = f" that changes: {' and '.join(chosen.idle)}" if chosen.idle else ""
-        return Question(text, f"this log has no control input{why}; dsd needs one", "")
+        return Question(text, f"this log has no {kind}{why}; dsd needs one", "")
     moves = any(one in chosen.found for one in ("d_hat", "velocity", "position"))
     if "u" not in chosen.found and not moves and not chosen.elsewhere and len(chosen.left) < 2:
         one = f'only "{chosen.left[0]}"' if chosen.left else "no column"

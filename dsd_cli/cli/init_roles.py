@@ -11,13 +11,13 @@ import numpy as np
 from dsd_cli.cli.init_direction import with_direction
 from dsd_cli.cli.init_stamps import unit_of_stamps, with_even_stamps
 from dsd_cli.cli.init_union import (
-    by_motion_units,
     by_units,
     clock_of,
     forces_in,
     idle,
     is_clock,
     is_part,
+    of_encoder,
     of_other_joints,
     union_of,
     usable,
@@ -123,7 +123,7 @@ def _chosen_of(tables: Sequence[Table], given: Mapping[str, str]) -> Chosen:
         found = union.found if union.clock else {**union.found, **clock_of(tables, union.found)}
         return Chosen(found, {}, union.clock, None, ())
     deeds = _by_deeds(sorted(looks, key=lambda item: -_worth(*item))[:TABLES], given)
-    listed = not deeds.missing or deeds.candidates or deeds.again
+    listed = deeds.missing != "u" or deeds.candidates or deeds.again
     return deeds if listed else replace(deeds, candidates=forces_in(tables, deeds.found))
 
 
@@ -265,8 +265,9 @@ def _chosen(look: FirstLook, table: Table, roles: Roles) -> Chosen:
             continue
         unit = look.units.get(guess.column) or unit_in(guess.column, role)
         found[role] = mine if mine is not None and mine.column == guess.column else Recognised(role, guess.column, unit)
-    if not found.keys() & set(MOTION):
-        found |= by_motion_units(look, table, {one.column for one in found.values()})
+    clocks = {name for name, one in roles.facts.items() if one.kind in ("clock", "counter")}
+    counted = {} if found.keys() & set(MOTION) else of_encoder(look, clocks | {one.column for one in found.values()})
+    found |= counted
     if "position" not in found:
         found.pop("reference", None)  # of a speed, or of what is not in the log
     if look.clock:
@@ -281,9 +282,11 @@ def _chosen(look: FirstLook, table: Table, roles: Roles) -> Chosen:
     may = [name for name in (*likely, *rest) if not is_neither(name, look.units[name]) and name not in roles.again]
     now = as_it_is_now([*look.columns, *table.beside])  # of which there is one that was asked for
     no_u = {name for name in may if is_motion(name, look.units[name]) or "u" not in recognise([now.get(name, "u")])}
-    candidates = tuple(name for name in may if missing != "u" or name not in no_u)
+    no_motion = {name for name in may if is_asked(name) or is_force(name, look.units[name])}
+    candidates = tuple(name for name in may if name not in (no_u if missing == "u" else no_motion))
     said = tuple(
         f'"{name}" goes as the motion does: it was asked for, or measured again' for name in sorted(roles.again)
     )
     candidates = candidates if missing else ()
-    return Chosen(found, roles.found, look.clock, table, said, missing, candidates, again=roles.again)
+    reasons = {**roles.found, **{role: Guess(one.column, "by its unit") for role, one in counted.items()}}
+    return Chosen(found, reasons, look.clock, table, said, missing, candidates, again=roles.again)

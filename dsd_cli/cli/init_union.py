@@ -11,6 +11,7 @@ from dsd_cli.files.joints import numbered_as, other_joints
 from dsd_cli.files.recognise import (
     Recognised,
     is_asked,
+    is_force,
     is_motion,
     is_neither,
     is_voltage,
@@ -19,7 +20,7 @@ from dsd_cli.files.recognise import (
     unit_in,
 )
 from dsd_cli.files.sample import Table
-from dsd_cli.files.words import quaternions
+from dsd_cli.files.words import COUNTS, quaternions, whole_unit
 from dsd_cli.signals.facts import Channel, facts_of
 
 #: How evenly a clock rises that has another name.
@@ -103,14 +104,15 @@ def by_units(look: FirstLook) -> FirstLook:
     return replace(look, found=found)
 
 
-def by_motion_units(look: FirstLook, table: Table, taken: Collection[str]) -> dict[str, Recognised]:
-    """The velocity and the position that have no name of one, where one measured column alone has its unit."""
+def of_encoder(look: FirstLook, taken: Collection[str]) -> dict[str, Recognised]:
+    """The velocity and the position that have no name of one, where one column alone is in counts; of degrees and hertz
+    there are more than motions."""
     found = {}
     for role in ("velocity", "position"):
-        units = {c.name: look.units[c.name] or unit_in(c.name, role) for c in table.channels if c.name not in taken}
-        mine = [name for name, unit in units.items() if role_of_unit(unit) == role and not is_asked(name)]
-        if len(mine) == 1:
-            found[role] = Recognised(role, mine[0], units[mine[0]])
+        units = {c: look.units[c] or unit_in(c, role) for c in look.columns if c not in taken and not is_asked(c)}
+        counts = {c: unit for c, unit in units.items() if whole_unit(unit) in COUNTS and not is_force(c, unit)}
+        if len(mine := [c for c, unit in counts.items() if role_of_unit(unit) == role]) == 1:
+            found[role] = Recognised(role, mine[0], counts[mine[0]])
     return found
 
 

@@ -173,6 +173,7 @@ def is_motion(name: str, unit: str) -> bool:
     words = set(words_in(name))
     said = any(_score(channel, name) > 0.0 for channel in ("time", "position", "velocity", "reference"))
     in_units = any(_unit_of(name, unit) in NAMED[channel] for channel in NAMED)
+    in_units |= whole_unit(unit_in(name, "velocity")) in NAMED["velocity"]  # commanded_deg_s
     return (said or in_units or bool(words & IDLE)) and not _score("u", name) and not is_command(name)
 
 

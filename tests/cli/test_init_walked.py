@@ -102,3 +102,16 @@ def test_a_row_that_names_the_columns_is_not_said_to_be_left_out(tmp_path: Path)
     looked = sample(str(table(tmp_path, named, at, SHORT["u"], at, SHORT["q"], at, SHORT["v"])))
     assert "Bus [0x4C01/2]/Y" in [one.name for one in looked.tables[0].channels]
     assert not any("left out" in note for note in looked.notes)
+
+
+def test_a_motion_that_is_missing_is_no_force_and_nothing_that_was_asked_for(tmp_path: Path) -> None:
+    """A command and a current were offered as the motion of wheels that stood still."""
+    rest = 0.0 * SHORT["t"]
+    path = table(tmp_path, "time,cmdL,iqL_A,torque [Nm],rpmL", SHORT["t"], SHORT["v"], SHORT["u"], SHORT["r"], rest)
+    assert proposed(path).question == 'this log has no motion that changes: "rpmL" is 0 in all rows; dsd needs one'
+
+
+def test_a_speed_that_was_asked_for_is_no_control_input(tmp_path: Path) -> None:
+    path = table(tmp_path, "time_s,commanded_deg_s,angle_deg", SHORT["t"], np.round(SHORT["u"]), SHORT["q"])
+    found = chosen(path)
+    assert "commanded_deg_s" not in (roles(found).get("u"), *found.candidates)
