@@ -20,7 +20,7 @@ from dsd_cli.files.recognise import (
     unit_in,
 )
 from dsd_cli.files.sample import Table
-from dsd_cli.files.words import COUNTS, quaternions, whole_unit
+from dsd_cli.files.words import OF_ENCODER, quaternions, whole_unit
 from dsd_cli.signals.facts import Channel, facts_of
 
 #: How evenly a clock rises that has another name.
@@ -110,7 +110,7 @@ def of_encoder(look: FirstLook, taken: Collection[str]) -> dict[str, Recognised]
     found = {}
     for role in ("velocity", "position"):
         units = {c: look.units[c] or unit_in(c, role) for c in look.columns if c not in taken and not is_asked(c)}
-        counts = {c: unit for c, unit in units.items() if whole_unit(unit) in COUNTS and not is_force(c, unit)}
+        counts = {c: unit for c, unit in units.items() if whole_unit(unit) in OF_ENCODER and not is_force(c, unit)}
         if len(mine := [c for c, unit in counts.items() if role_of_unit(unit) == role]) == 1:
             found[role] = Recognised(role, mine[0], counts[mine[0]])
     return found

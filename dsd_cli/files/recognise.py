@@ -13,7 +13,6 @@ from dsd_cli.files.words import (
     ASKED,
     COMMANDS,
     COUNTERS,
-    COUNTS,
     COUNTS_PER_S,
     ELSE,
     ERRORS,
@@ -23,6 +22,7 @@ from dsd_cli.files.words import (
     MEASURED,
     NAMED,
     OF_ACCELERATION,
+    OF_ENCODER,
     OF_HEAT,
     OF_U,
     QUATERNIONS,
@@ -114,10 +114,14 @@ def recognise(
 
 
 def as_it_is_now(columns: Sequence[str]) -> dict[str, str]:
-    """Of columns whose `current` is no current but what is so now, what that is: y of current_y beside target_y."""
+    """Of columns whose `current` is no current but what is so now, what that is: y of current_y beside target_y, where
+    no column has the name of a motion; target_q and current_q beside a position are currents."""
     words = {column: words_in(column.rpartition("/")[2]) for column in columns}
     asked = {tuple(one for one in said if one not in ASKED) for said in words.values() if not ASKED.isdisjoint(said)}
     first = {column: said[1:] for column, said in words.items() if said[:1] == ["current"] and said[1:]}
+    others = [column for column, said in words.items() if column not in first and ASKED.isdisjoint(said)]
+    if any(_score(channel, column) > 0.0 for channel in ("velocity", "position") for column in others):
+        return {}
     return {column: "_".join(said) for column, said in first.items() if tuple(said) in asked}
 
 
@@ -132,7 +136,7 @@ def role_of_unit(unit: str) -> str:
     known = whole_unit(unit)
     if known in OF_U.keys() - SHARES:
         return "u"
-    if known in COUNTS:
+    if known in OF_ENCODER:
         return "velocity" if known in COUNTS_PER_S else "position"
     return next((role for role in ("velocity", "position") if known in NAMED[role]), "")
 

@@ -113,6 +113,8 @@ COUNTS = {"inc", "incr", "increments", "count", "counts", "cnt", "cts", "pulse",
 COUNTS |= {"steps"}
 COUNTS_PER_S = {"cps", *(f"{one}/s" for one in COUNTS)}
 COUNTS |= COUNTS_PER_S
+#: Those that a converter of voltages does not count in.
+OF_ENCODER = COUNTS - {"count", "counts", "cnt", "cts"}
 #: What else stands in a row of units.
 OTHER_UNITS = COUNTS | {
     "%", "-", "1", "c", "°c", "degc", "k", "w", "kw", "bar", "kg", "hz", "khz", "min", "h", "g", "db", "bit", "bool",
