@@ -4,6 +4,8 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
+# three processes on two cores: an eighth of the time is waited, for terminals and children
+PYTEST := $(BIN)/python -m pytest -n 3 --dist worksteal
 
 .PHONY: setup compiled collected demo test lint check wheels figures bench bench-hidden beyond clean
 
@@ -31,10 +33,9 @@ demo: compiled
 	@mkdir -p out
 	@PATH="$(CURDIR)/$(BIN):$$PATH" sh sample_logs/demo.sh
 
-# three processes on two cores: an eighth of the time is waited, for terminals and children;
 # property tests draw the same examples in every run, so that red means a change; `make bench` draws new ones
 test: compiled
-	$(BIN)/python -m pytest -n 3 --dist worksteal -m "not study"
+	$(PYTEST) -m "not study"
 
 lint: setup
 	$(BIN)/ruff check .
@@ -54,7 +55,7 @@ wheels: setup
 bench: setup
 	$(BIN)/python -m pip install -q --disable-pip-version-check -e ".[bench]"
 	$(BIN)/python -m bench
-	$(BIN)/python -m pytest -n 3 --dist worksteal -m study
+	$(PYTEST) -m study
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.beyond cost --print
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench hidden --seeds 1
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench random

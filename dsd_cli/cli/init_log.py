@@ -98,7 +98,8 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
     for (section, key), value in asked.values.items():
         if section == "signals":  # which the numbers below are read by
             out.put(section, key, value)
-            drop_open(out, [key.removesuffix("_scale")] * key.endswith("_scale"))
+            if key.endswith("_scale"):
+                drop_open(out, [key.removesuffix("_scale")])
     unstamped = not chosen.missing and not chosen.clock and "time" not in chosen.found
     step = _rows_apart(chosen, asked, looked.sample_time, out) if unstamped else None
     unread: DsdError | None = None

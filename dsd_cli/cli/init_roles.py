@@ -281,7 +281,7 @@ def _chosen(look: FirstLook, table: Table, roles: Roles) -> Chosen:
     rest = [name for name in rest if roles.facts[name].kind in ("signal", "drift", "boolean")]
     may = [name for name in (*likely, *rest) if not is_neither(name, look.units[name]) and name not in roles.again]
     now = as_it_is_now([*look.columns, *table.beside])  # of which there is one that was asked for
-    no_u = {name for name in may if is_motion(name, look.units[name]) or "u" not in recognise([now.get(name, "u")])}
+    no_u = {name for name in may if is_motion(name, look.units[name]) or (name in now and not is_force(now[name], ""))}
     no_motion = {name for name in may if is_asked(name) or is_force(name, look.units[name])}
     candidates = tuple(name for name in may if name not in (no_u if missing == "u" else no_motion))
     said = tuple(

@@ -110,11 +110,12 @@ def _start(
         rows: as instruments write what they were set to on the left of them, whose stamps go on below.
     """
     rows = [at for at, line in enumerate(lines) if not is_comment(line)]
+    places = {at: place for place, at in enumerate(rows)}
     cells = {at: fields_of(lines[at], delimiter) for at in rows}
     said = Counter(key_of(cells[at]) for at in rows if labelled(cells[at]))  # again and again is a mode of the axis
 
     def goes_on(at: int) -> bool:
-        three = [cells[k] for k in rows[rows.index(at) :][:3]]
+        three = [cells[k] for k in rows[places[at] : places[at] + 3]]
         return set(map(len, three)) == {width} and any(_rises([row[k] for row in three], True) for k in numeric)
 
     def is_good(at: int) -> bool:

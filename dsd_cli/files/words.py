@@ -109,8 +109,9 @@ SHARES = {"%", "‰"}
 _OF_RATED = r"( ?(of )?(the )?\(?(rated|nominal|max|peak|full|fs|nenn|in\b|mn\b).*)?"
 _SHARE = re.compile(r"(%|‰|0[.,]1 ?%|per ?mille?|1/1000)" + _OF_RATED)
 #: Units of an encoder, whose resolution no log says.
-COUNTS = {"inc", "incr", "increments", "count", "counts", "cnt", "cts", "pulse", "pulses", "ticks", "inkr", "qc"}
-COUNTS |= {"steps"}
+COUNTS = {
+    "inc", "incr", "increments", "inkr", "count", "counts", "cnt", "cts", "qc", "pulse", "pulses", "ticks", "steps",
+}  # fmt: skip
 COUNTS_PER_S = {"cps", *(f"{one}/s" for one in COUNTS)}
 COUNTS |= COUNTS_PER_S
 #: Those that a converter of voltages does not count in.

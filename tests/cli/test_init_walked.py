@@ -64,6 +64,19 @@ def test_what_is_current_beside_what_was_asked_for_is_no_current(tmp_path: Path)
     assert recognise(["t", "target_torque", "current_torque"])["u"].column == "current_torque"
 
 
+@pytest.mark.parametrize("names", ["time,target_x,position_x,current_x", "time,target_q,position,current_q"])
+def test_beside_a_motion_that_has_its_name_a_current_is_one(names: str, tmp_path: Path) -> None:
+    """The current of the motor was taken for the position, and nothing was left that could be u."""
+    found = roles(chosen(table(tmp_path, names, SHORT["t"], SHORT["r"], SHORT["q"], SHORT["u"])))
+    assert [found["position"], found["u"]] == names.split(",")[2:]
+
+
+def test_what_a_converter_counts_is_asked_for_and_no_encoder(tmp_path: Path) -> None:
+    walk = np.cumsum(np.random.default_rng(4).standard_normal(SHORT["t"].size))
+    found = chosen(table(tmp_path, "time [s],u [Nm],ADC [counts]", SHORT["t"], SHORT["u"], np.round(100.0 * walk)))
+    assert (found.missing, found.candidates) == ("position", ("ADC [counts]",))
+
+
 @pytest.mark.parametrize(("name", "role"), [("enconder(steps)", "position"), ("vfilt_cps", "velocity")])
 def test_a_unit_of_an_encoder_says_what_a_name_does_not(name: str, role: str, tmp_path: Path) -> None:
     counts = np.round(1000.0 * np.random.default_rng(5).standard_normal(SHORT["t"].size))

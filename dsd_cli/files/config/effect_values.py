@@ -113,9 +113,9 @@ def check_complete(values: EffectValues, at: Place, believed: EffectValues = NON
         known = {*given, *believed.get(name, {})}
         lacking = [p for p in get_effect(name).parameters if not (p.optional or p.name in known)]
         if lacking:
-            names, several = " and ".join(p.name for p in lacking), len(lacking) > 1
-            wanted = [f"{p.name}: {_wanted(p)}" if several else _wanted(p) for p in lacking]
-            raise at.child(name).missing(names, "; ".join(wanted))
+            first, *more = (p.name for p in lacking)
+            wanted = [f"{p.name}: {_wanted(p)}" if more else _wanted(p) for p in lacking]
+            raise at.child(name).missing(first, "; ".join(wanted), *more)
 
 
 def _wanted(parameter: Parameter) -> str:

@@ -36,8 +36,10 @@ class Place(NamedTuple):
     def wrong(self, value: object, allowed: str) -> UsageError:
         return self.refused(value, f"must be {allowed}")
 
-    def missing(self, key: str, meaning: str) -> UsageError:
-        return UsageError(f"{self.file}: [{self.path}] {key} {'are' if ' and ' in key else 'is'} missing", meaning)
+    def missing(self, key: str, meaning: str, *more: str) -> UsageError:
+        """more : further keys that are missing as well."""
+        keys = f"{' and '.join((key, *more))} {'are' if more else 'is'}"
+        return UsageError(f"{self.file}: [{self.path}] {keys} missing", meaning)
 
     def unknown(self, key: str, known: Iterable[str], what: str = "key") -> UsageError:
         return UsageError(f"{self.file}: unknown {what} {self.child(key).path}", suggestion(key, known))
