@@ -88,8 +88,8 @@ def test_a_force_that_climbs_by_steps_is_a_drift():
     assert law_of_pushes(stacked, fit) == ""
 
 
-def test_strong_pushes_of_a_short_log_are_seen_in_what_the_model_as_given_leaves():
-    """4 pushes that take 40 % of 3 s: fitted again, inertia and friction absorb them ("dead zone, 99 %")."""
+def test_strong_pushes_of_a_short_log_are_no_dead_zone():
+    """4 pushes that take 40 % of 3 s: inertia and friction may absorb them ("dead zone, 99 %")."""
     assert diagnosed(("external_force",), 51016, "enc40k", 3.0).verdict == "external_force"
 
 

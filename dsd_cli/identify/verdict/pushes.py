@@ -71,11 +71,10 @@ def _pushes_alone(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit,
     sensor's noise is left, beside one law, too: it hides the pushes, and they it.
 
     Pushes can also stand in for laws that no catalogue has (a brake, an end stop); these leave 5 to 50 times the floor.
-    They are looked for in what the model as given leaves, too: its inertia, fitted again, absorbs pushes.
     """
     if not search.added(whole.terms):
         return None
-    tried = [with_pulses(search, search.refit), with_pulses(search, search.refit, _left_by_the_given(search))]
+    tried = [with_pulses(search, search.refit)]
     if beyond.unknown or above_floor(search, whole):
         laws = [o.fit for o in search.options(search.refit) if get_effect(o.effect).role is not Role.STRUCTURE]
         tried += [with_pulses(search, fit) for fit in laws[:_LAWS]]
@@ -91,13 +90,6 @@ def _pushes_alone(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit,
         return None
     then = discrepancy_of(search, found)
     return None if then.unknown and not beyond.unknown else (found, then)
-
-
-def _left_by_the_given(search: Search) -> Array:
-    """Residual of the model as given, shape (N,), 0 in rows that do not count."""
-    rows = np.zeros(len(search.equations.kept))
-    rows[search.equations.kept] = search.problem.errors.rows_of_model(search.problem.model)
-    return rows
 
 
 def _hopeless(search: Search, pulses: Fit, whole: Fit) -> bool:
