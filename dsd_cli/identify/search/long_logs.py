@@ -26,7 +26,6 @@ from dsd_cli.identify.recordings.excerpts import excerpts, with_part
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Estimates
 from dsd_cli.identify.search.sets import Option, Search
-from dsd_cli.identify.search.starts import Lines, apart, starts
 from dsd_cli.plant.model import PlantModel
 
 
@@ -189,21 +188,7 @@ def _on_all(task: Task, search: Search, whole: Fit) -> tuple[Search, Fit]:
     judge = _over_all(search, task.recordings, task.holdout, whole)
     if judge is search:
         return search, whole
-    fit = judge.fit(whole.terms, whole.tap)
-    for term in whole.terms:
-        if term.effect.periods is not None:
-            fit = _with_finer_line(judge, fit, term)
-    return judge, judge.settled(fit)
-
-
-def _with_finer_line(judge: Search, fit: Fit, term: Term) -> Fit:
-    """All rows resolve a period more finely than an excerpt: another side lobe of its line may be the true one."""
-    rest = judge.without(fit, term)
-    scan = judge.scan(rest.terms, rest.tap)
-    tried = [Term.of(term.id, shape) for shape in starts(term.id, judge.ranges, Lines(judge.problem.errors, rest))]
-    tried = [t for t in tried if apart(t, rest.terms, judge.ranges)]
-    best = max((term, *tried), key=lambda t: scan.gain(t)[0])
-    return fit if best is term else judge.fit(tuple(best if t is term else t for t in fit.terms), fit.tap)
+    return judge, judge.settled(judge.fit(whole.terms, whole.tap))
 
 
 def _less_explained(judge: Search, fit: Fit, parts: Sequence[Recording]) -> tuple[int, float] | None:
