@@ -7,11 +7,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dsd_cli.effects import delays_command, get_effect
 from dsd_cli.identify.fit.bank import Term, has_friction
-from dsd_cli.identify.fit.row_weights import many_sure, surely_less
+from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.fit.values import LEAST_INERTIA, flat, terms_of, units_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
@@ -92,8 +91,6 @@ def _fitted_values(search: Search) -> ParameterCheck:
     if any("load_share" in v and not is_a_load(v["load_share"]) for v in fitted.model.effects.values()):
         return ParameterCheck(score, refitted, candidates, "", 0.0, (*said, FOLLOWS_NOISE))
     wrong = sure[0].split(".")[0]
-    if wrong in (INERTIA, DELAY) and not _seen_elsewhere(search, believed, fitted.model):
-        return ParameterCheck(score, refitted, candidates, "", 0.0, said)
     lags = [n for n in search.allowed if delays_command(n)] if wrong == DELAY else []
     if late := tuple(name for name in lags if _explains_the_delay(search, name)):
         candidates = tuple(replace(c, indistinguishable_from=late if c.effect == DELAY else ()) for c in candidates)
@@ -126,32 +123,15 @@ def _at_the_logs_zero(search: Search) -> tuple[PlantModel, tuple[str, ...]]:
     return replace(problem.model, effects=effects), (why,) if said else ()
 
 
-def _elsewhere(search: Search) -> NDArray[np.bool_] | None:
-    """Of the rows of `Errors.rows_of_model`, those where the direction of the motion is sure; None if they are few."""
-    kept = search.equations.kept
-    sure = many_sure(search.equations) if has_friction(search.base) else kept
-    return None if sure is None else np.asarray(sure[kept])
-
-
 def _beyond_noise(search: Search, believed: PlantModel) -> bool:
     """Whether the model as given leaves more than the sensor's noise where the direction of the motion is sure: with
     the true values noise alone is left, whatever of it a controller has put into u."""
-    rows, problem = _elsewhere(search), search.problem
-    if rows is None:
+    kept, problem = search.equations.kept, search.problem
+    sure = many_sure(search.equations) if has_friction(search.base) else kept
+    if sure is None:
         return False
-    left = problem.errors.rows_of_model(believed)[rows]
+    left = problem.errors.rows_of_model(believed)[sure[kept]]
     return float(np.sqrt(np.mean(left**2))) > POLICY.floor_factor * problem.floor
-
-
-def _seen_elsewhere(search: Search, believed: PlantModel, changed: PlantModel) -> bool:
-    """Whether other values are certain where the direction of the motion is sure, too, if such rows are many.
-
-    What a stop or a turn leaves goes with du/dt: in such rows alone a delay of 4 ms looked like one of 5 ms, 80 %.
-    """
-    rows, problem = _elsewhere(search), search.problem
-    if rows is None:
-        return True
-    return surely_less(*(problem.errors.rows_of_model(model)[rows] for model in (believed, changed)))
 
 
 def _explains_the_delay(search: Search, effect: str) -> bool:
