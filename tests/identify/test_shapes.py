@@ -7,7 +7,7 @@ import pytest
 
 from dsd_cli.effects import Role
 from dsd_cli.identify.fit.bank import Term
-from dsd_cli.identify.search.shapes import BRACKET, SHRINK_ALONE, _limits, refined, times_off
+from dsd_cli.identify.search.shapes import BRACKET, SHRINK_ALONE, _limits, refined
 from tests.identify.search_rig import posed
 
 HIDDEN = {
@@ -75,12 +75,3 @@ def test_an_effect_without_shape_stays():
     search = posed(None, (), duration=4.0)
     terms = (Term("coulomb_friction"),)
     assert refined(search, terms, 0, search.refit.tap) == (terms, search.refit.tap)
-
-
-def test_shapes_are_as_many_times_off_as_their_values():
-    """Values that a user's effect may have as well, zero or of either sign, have no such factor."""
-    here, there = ({"periods": n} for n in (10.0, 40.0))
-    assert times_off(Term.of("cogging", here), Term.of("cogging", there)) == pytest.approx(4.0)
-    assert times_off(Term.of("cogging", there), Term.of("cogging", here)) == pytest.approx(4.0)
-    for value in (0.0, -5.0):
-        assert times_off(Term.of("cogging", here), Term.of("cogging", {"periods": value})) == 1.0

@@ -18,7 +18,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.evidence import Evidence
 from dsd_cli.identify.search.preference import Option, in_common_terms, preferred
-from dsd_cli.identify.search.shapes import refined, times_off
+from dsd_cli.identify.search.shapes import refined
 from dsd_cli.identify.search.starts import Lines, apart, names_to_try, starts
 from dsd_cli.signals.once import once
 
@@ -29,8 +29,6 @@ WORTH_REFINING, WORTH_FOR_NARROW = 0.5, 0.04
 MOST_REFINEMENTS, STALLED = 6, 1e-3
 #: Rounds in which several shapes of one effect are searched while it is only a candidate.
 ROUNDS_IN_SCAN = 2
-#: Factor between two starts that are both refined, of an effect that acts on u.
-FAR_STARTS = 3.0
 #: Outsiders that are fitted in the place of a member, and the share of its gain that they must have before refinement.
 MOST_CHALLENGERS, WORTH_CHALLENGING = 3, 0.5
 #: Pairs of effects that are cross-validated, of all that are fitted.
@@ -73,9 +71,9 @@ class Search(Evidence):
         return sorted(self._all_options(current), key=lambda o: -o.evidence)
 
     def _all_options(self, current: Fit) -> list[Option]:
-        found = self._at_best_starts(current, FAR_STARTS)
+        found = self._at_best_starts(current)
         most = max((gain for gain, *_ in found), default=0.0)
-        options: dict[str, Option] = {}
+        options = []
         for gain, tap, term in found:
             terms = (*current.terms, term)
             narrow = term.effect.role is Role.STRUCTURE or term.effect.lateness is not None
@@ -83,15 +81,11 @@ class Search(Evidence):
             if term.items and worth:
                 terms, tap = refined(self, terms, len(terms) - 1, tap, ROUNDS_IN_SCAN)
             fit = self.fit(terms, tap) if worth else self.solver.fit(terms, tap)
-            option = Option(term.id, fit, self.evidence(fit))
-            options[term.id] = max(options.get(term.id, option), option, key=lambda o: o.evidence)
-        return list(options.values())
+            options.append(Option(term.id, fit, self.evidence(fit)))
+        return options
 
-    def _at_best_starts(self, current: Fit, far: float = math.inf) -> list[tuple[float, int, Term]]:
-        """(gain, delay, term) of every allowed effect at the best of its starts.
-
-        far : of one that acts on u, also at the best start so many times off: a delay that is too long bends gains.
-        """
+    def _at_best_starts(self, current: Fit) -> list[tuple[float, int, Term]]:
+        """(gain, delay, term) of every allowed effect at the best of its starts."""
         lines, scan = Lines(self.problem.errors, current), self.scan(current.terms, current.tap)
         here = {t.id for t in current.terms}
         found = []
@@ -102,10 +96,7 @@ class Search(Evidence):
             shapes = (known.pinned(effect_id, shape) for shape in starts(effect_id, self.ranges, lines))
             terms = dict.fromkeys(Term.of(effect_id, shape) for shape in shapes)
             tried = [term for term in terms if apart(term, current.terms, self.ranges)]
-            gains = sorted(((*scan.gain(term, keep=True), term) for term in tried), key=lambda f: -f[0])
-            found += gains[:1]
-            if tried and tried[0].effect.role is Role.INPUT:
-                found += [f for f in gains[1:] if times_off(f[2], gains[0][2]) > far][:1]
+            found += sorted(((*scan.gain(term, keep=True), term) for term in tried), key=lambda f: -f[0])[:1]
         return found
 
     def challenger(self, rest: Fit, member: str, own: float) -> Option | None:

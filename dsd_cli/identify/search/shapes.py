@@ -79,10 +79,3 @@ def _limits(search: Evidence, effect_id: str, name: str) -> tuple[float, float]:
         return max(low, 1e-300), high
     values = [shape[name] for shape in starts if shape.get(name, 0.0) > 0.0]
     return (min(values) / 1.5, max(values) * 1.5) if values else (1e-300, 1e300)
-
-
-def times_off(a: Term, b: Term) -> float:
-    """Largest factor between values of two shapes of one effect; values that are not positive have none."""
-    pairs = [(x, y) for (_, x), (_, y) in zip(a.items, b.items, strict=True)]
-    sizes = [(x, y) for x, y in pairs if isinstance(x, float) and isinstance(y, float) and x > 0.0 and y > 0.0]
-    return max((max(x / y, y / x) for x, y in sizes), default=1.0)
