@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.search.starts import LINES, Lines, _peaks, starts
+from dsd_cli.identify.search.shapes import LINES, Lines, _peaks, starts
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.signals.log import with_channels
 from tests.identify.outside_rig import asked

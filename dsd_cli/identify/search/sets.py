@@ -18,8 +18,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.evidence import Evidence
 from dsd_cli.identify.search.preference import Option, in_common_terms, preferred
-from dsd_cli.identify.search.shapes import refined
-from dsd_cli.identify.search.starts import Lines, apart, names_to_try, starts
+from dsd_cli.identify.search.shapes import Lines, apart, names_to_try, refined, starts
 from dsd_cli.signals.once import once
 
 #: Effects that are refined in a scan: those whose best start comes within this share of the best gain; loads on the

@@ -1,16 +1,132 @@
-"""Shape parameters by golden section along their logarithms, one after the other."""
+"""Shapes of effects: where a search begins, by what the log exercises and by the lines of the residual's spectrum, and
+how it goes on, by golden section along the logarithms of their parameters, one after the other. Of several effects of
+one kind, whether a log distinguishes two of them.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Collection, Iterable, Iterator
+from functools import cached_property
 
-from dsd_cli.effects import get_effect
+import numpy as np
+
+from dsd_cli.effects import Ranges, Shape, free_name, get_effect, kind_of
 from dsd_cli.identify.fit.bank import Term, Terms
+from dsd_cli.identify.fit.errors import Errors
 from dsd_cli.identify.fit.priors import is_shape
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.evidence import Evidence
 from dsd_cli.identify.search.scan import Scan
-from dsd_cli.identify.search.starts import apart
 from dsd_cli.signals.golden import golden_section
+from dsd_cli.signals.log import Array
+
+#: Lines of a spectrum that are followed up, and bins over the position.
+LINES, BINS = 4, 4096
+#: Bins over which the background is averaged to either side, at least.
+_AROUND = 8
+#: Quantile of the speed at which a ripple over the position must pass the band.
+SLOW = 0.25
+
+
+def names_to_try(allowed: Iterable[str], here: Collection[str], ranges: Ranges) -> Iterator[str]:
+    """Effects that may be added to those that are `here`: one that is there already under its next name, if it repeats
+    and the log may distinguish one more of it."""
+    tried = set()
+    for name in allowed:
+        kind, repeats = kind_of(name), get_effect(name).repeats
+        if name in here:
+            name = free_name(kind, here) if repeats is not None and repeats(ranges) else ""
+        if name and kind not in tried:
+            tried.add(kind)
+            yield name
+
+
+def apart(one: Term, others: Iterable[Term], ranges: Ranges) -> bool:
+    """Whether an effect differs from those of its kind by as many periods in the log as it takes to distinguish two."""
+    periods = one.effect.periods
+    if periods is None:
+        return True
+    kind, own = kind_of(one.id), periods(one.shape, ranges)
+    alike = (t for t in others if t.id != one.id and kind_of(t.id) == kind)
+    return all(abs(periods(t.shape, ranges) - own) >= POLICY.periods_apart for t in alike)
+
+
+def renamed(terms: Terms, alike: Terms) -> Terms:
+    """The same effects, those of one kind in the order of `alike` and under the first names that the others leave."""
+    names, left = {t.id for t in terms} - {t.id for t in alike}, iter(alike)
+    found = []
+    for term in terms:
+        if term in alike:
+            term = next(left)
+            term = Term(free_name(kind_of(term.id), names), term.items)
+            names.add(term.id)
+        found.append(term)
+    return tuple(found)
+
+
+def starts(effect_id: str, found: Ranges, lines: Lines) -> list[Shape]:
+    """Starting shapes of an effect: those over the ranges of the log, and those that the residual's lines suggest."""
+    effect = get_effect(effect_id)
+    return [*effect.starts(found), *effect.seeds(lines)]
+
+
+class Lines:
+    """Lines in the spectrum of what a fit leaves (rows in the unit of u)."""
+
+    def __init__(self, errors: Errors, fit: Fit) -> None:
+        self._equations = errors.equations
+        self._residual = errors.residual(fit, held_out=False)
+        self._by_stretch = self._equations.by_stretch(self._residual)
+
+    @cached_property
+    def over_time(self) -> tuple[float, ...]:
+        """Frequencies of the strongest lines, Hz."""
+        parts = [(x, t) for x, t in zip(self._by_stretch, self._equations.row_times, strict=True) if len(x)]
+        longest = max(len(x) * t for x, t in parts)
+        step, shortest = 0.5 / longest, POLICY.least_periods / longest
+        power = np.zeros(int(self._equations.band.hz / step) + 1)
+        finest = min(t for _, t in parts)
+        for x, row_time in parts:  # a line at one frequency, in whichever band, and of one size
+            own = np.abs(np.fft.rfft(x - x.mean(), round(2.0 * longest / row_time))) ** 2 * (row_time / finest) ** 2
+            power[: len(own)] += own[: len(power)]
+        return tuple(k * step for k in _peaks(power, int(shortest / step) + 1))
+
+    @cached_property
+    def over_position(self) -> tuple[float, ...]:
+        """Spatial frequencies of the strongest lines, rad per unit of position."""
+        stretches = self._equations.stretches
+        if any("position" not in s.log for s in stretches):
+            return ()
+        place = self._equations.of_rows([s.log["position"] for s in stretches])
+        speed = np.abs(self._equations.of_rows([s.log["velocity"] for s in stretches]))
+        travel = float(np.ptp(place))
+        usual = float(np.quantile(speed[speed > 0.0], SLOW)) if np.any(speed > 0.0) else 0.0
+        if not travel > 0.0 or not usual > 0.0:
+            return ()
+        bins = np.minimum(((place - place.min()) / travel * BINS).astype(int), BINS - 1)
+        sums = np.bincount(bins, self._residual - self._residual.mean(), BINS)
+        power = np.abs(np.fft.rfft(sums, 2 * BINS)) ** 2
+        step = 2.0 * np.pi / (2.0 * travel)
+        highest = 2.0 * np.pi * self._equations.band.hz / usual  # what passes the band at such speeds
+        told = POLICY.resolved_deviations * max(r.position_noise for r in self._equations.recordings)
+        highest = min(highest, 2.0 * np.pi / max(told, 1e-300))  # a line of the sensor's own counts is no force
+        return tuple(k * step for k in _peaks(power[: int(highest / step) + 1], int(2 * POLICY.least_periods)))
+
+
+def _peaks(power: Array, first: int) -> list[int]:
+    """Positions of the highest local maxima over the local background, strongest first."""
+    if len(power) < first + _AROUND:
+        return []
+    width = min(max(len(power) // 50, _AROUND), (len(power) - 1) // 2)
+    background = np.convolve(power, np.ones(2 * width + 1), "same") / (2 * width + 1)
+    strength = power / np.maximum(background, 1e-300)
+    strength[:first] = 0.0
+    inner = strength[1:-1]
+    local = np.flatnonzero((inner >= strength[:-2]) & (inner >= strength[2:])) + 1
+    return local[np.argsort(strength[local])[::-1][:LINES]].tolist()
+
 
 #: Half width of the bracket, natural logarithm of the parameter; frequencies of lines have narrower ones.
 BRACKET = 0.6
@@ -73,9 +189,9 @@ def _along(
 def _limits(search: Evidence, effect_id: str, name: str) -> tuple[float, float]:
     """A little beyond the starting shapes: further out the shape is not identifiable."""
     effect = get_effect(effect_id)
-    starts = effect.starts(search.ranges)
+    first = effect.starts(search.ranges)
     low, high = search.solver.known.limits(f"{effect_id}.{name}")
-    if (low, high) != (-math.inf, math.inf) and starts and is_shape(effect, name, starts[0]):
+    if (low, high) != (-math.inf, math.inf) and first and is_shape(effect, name, first[0]):
         return max(low, 1e-300), high
-    values = [shape[name] for shape in starts if shape.get(name, 0.0) > 0.0]
+    values = [shape[name] for shape in first if shape.get(name, 0.0) > 0.0]
     return (min(values) / 1.5, max(values) * 1.5) if values else (1e-300, 1e300)

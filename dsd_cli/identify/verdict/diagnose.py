@@ -25,7 +25,7 @@ from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.levels import Levelled, levelled
 from dsd_cli.identify.search.long_logs import Progress, Task
 from dsd_cli.identify.search.sets import Option, Search
-from dsd_cli.identify.search.starts import renamed
+from dsd_cli.identify.search.shapes import renamed
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told, freed, told_far_off
 from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrepancy_of, without_imitations
 from dsd_cli.identify.verdict.judgement import Verdict
