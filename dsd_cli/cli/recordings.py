@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from dsd_cli.files.config import Config
     from dsd_cli.files.logs import LoadedLog
     from dsd_cli.files.windowed import Window
-    from dsd_cli.identify.checks import CheckResult, Finding
+    from dsd_cli.identify.checks import Finding, Seen
     from dsd_cli.identify.fit.priors import PriorKnowledge
     from dsd_cli.identify.recordings.recording import Recording
     from dsd_cli.plant.model import PlantModel
@@ -72,8 +72,8 @@ def load_recording(
     if progress is not None:
         progress(f"looking at {PurePath(path).name}")
     loaded, noisy = on_its_clock(loaded)
-    checked = _checked(loaded, config, None)
-    loaded, late = _without_late(loaded, checked)
+    seen = _seen(loaded, config)
+    loaded, late = _without_late(loaded, seen)
     try:
         recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
     except TooShort as error:
@@ -82,7 +82,7 @@ def load_recording(
         raise
     dropped = {reason: count for reason, count in loaded.dropped.items() if count}
     beyond = held_beyond(plant_model(config, 1.0), recording.pieces) if config.model.effects else []
-    warnings = (*loaded.warnings, *lacking, *noisy, *late, *_wrong(loaded, config, checked), *beyond)
+    warnings = (*loaded.warnings, *lacking, *noisy, *late, *_wrong(loaded, config, seen, changed=bool(late)), *beyond)
     if path == "-" and not loaded.log.channels.keys() & {"velocity", "position"}:
         warnings += half_said(config)
     return LoadedRecording(recording, dropped, warnings)
@@ -119,19 +119,19 @@ def _as(taken: Callable[[Log, tuple[int, ...]], Updated], loaded: LoadedLog) -> 
     return replace(loaded, log=found.log, restarts=found.restarts, warnings=(*loaded.warnings, *said))
 
 
-def _checked(loaded: LoadedLog, config: Config, model: PlantModel | None) -> CheckResult:
+def _seen(loaded: LoadedLog, config: Config) -> Seen:
     from dsd_cli.cli.plan import observer_settings
-    from dsd_cli.identify.checks import check_log
+    from dsd_cli.identify.checks import seen_in
 
     factors, u_shift = config.signals.factors(), config.signals.u_shift
-    return check_log(loaded.log, model, observer_settings(config), loaded.restarts, factors=factors, u_shift=u_shift)
+    return seen_in(loaded.log, None, observer_settings(config), loaded.restarts, factors=factors, u_shift=u_shift)
 
 
-def _without_late(loaded: LoadedLog, checked: CheckResult) -> tuple[LoadedLog, list[str]]:
+def _without_late(loaded: LoadedLog, seen: Seen) -> tuple[LoadedLog, list[str]]:
     """(the log without a velocity that is later than the position, or with a position that is put where the velocity
     has it by now, a sentence about it): both as they are would be a lag of the axis."""
-    late = next((one for one in checked.findings if one.late_channel), None)
-    if late is None or checked.errors:
+    late = next((one for one in seen.findings if one.late_channel), None)
+    if late is None or seen.errors:
         return loaded, []
     channels = dict(loaded.log.channels)
     if late.late_channel == "velocity":
@@ -154,15 +154,19 @@ def on_its_clock(loaded: LoadedLog) -> tuple[LoadedLog, list[str]]:
     return replace(loaded, log=log), [said]
 
 
-def _wrong(loaded: LoadedLog, config: Config, checked: CheckResult) -> list[str]:
-    """What must be said before anything that this log answers, and what mends it: sign, unit, a late u, a loop."""
+def _wrong(loaded: LoadedLog, config: Config, seen: Seen, *, changed: bool) -> list[str]:
+    """What must be said before anything that this log answers, and what mends it: sign, unit, a late u, a loop.
+
+    changed : the log is another than the one that was seen.
+    """
+    from dsd_cli.cli.plan import observer_settings
     from dsd_cli.identify.checks import biased_by_noise, to_mend_first
 
-    first: Sequence[Finding] = to_mend_first(checked)
+    first: Sequence[Finding] = to_mend_first(seen)
     if not first and "reference" in loaded.log:
-        given = known_values(config)
-        again = _checked(loaded, config, _written_model(config))
-        first = biased_by_noise(again, given.fixed.keys() | given.priors.keys())
+        given, model = known_values(config), _written_model(config)
+        seen = _seen(loaded, config) if changed else seen
+        first = biased_by_noise(seen, model, observer_settings(config), given.fixed.keys() | given.priors.keys())
     return [f"{one.what.rstrip('?')}: {one.remedy} (dsd check says more)" for one in first]
 
 

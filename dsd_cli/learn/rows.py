@@ -16,7 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from dsd_cli.effects import Effect, Role, Shape
-from dsd_cli.identify.fit.bank import drive, effect_columns, inputs_of
+from dsd_cli.identify.fit.bank import drive, inputs_of
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.direction import held_weight
 from dsd_cli.identify.fit.equations import Equations
@@ -120,7 +120,7 @@ class Balance:
         """The same with the forces of the model's own effects added: what accelerates the axis."""
         found, acting = [], [t for t in self.problem.base if t.effect.role is not Role.INPUT]
         for stretch, u in zip(self.equations.stretches, self.drive, strict=True):
-            taken = [x for t in acting for x in effect_columns(stretch, t.effect, t.shape, u)]
+            taken = [x for t in acting for x in stretch.columns(t.effect, t.shape, u)]
             found.append(u - sum(c * x for c, x in zip(self.given, taken, strict=True)))
         return found
 
@@ -130,7 +130,7 @@ class Balance:
         net : it looks at what accelerates the axis in the place of u.
         """
         pairs = zip(self.equations.stretches, self.net_drive if net else self.drive, strict=True)
-        by_stretch = [effect_columns(s, effect, shape, u) for s, u in pairs]
+        by_stretch = [s.columns(effect, shape, u) for s, u in pairs]
         smooth = effect.role is not Role.FRICTION
         return [self.equations.acting(list(x), smooth, True) for x in zip(*by_stretch, strict=True)]
 

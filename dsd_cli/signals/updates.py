@@ -137,7 +137,7 @@ def _said(
 def _new_rows(x: Array, begins: _Rows) -> _Rows | None:
     """Rows in which a channel says something new, with those between at its own pace where it may have stood still;
     None where it is read in every row. begins : first rows of the pieces."""
-    first = np.union1d(np.flatnonzero(np.diff(x)) + 1, begins)
+    first = _either(np.flatnonzero(np.diff(x)) + 1, begins)
     jumps, lasted = np.abs(np.diff(x[first])), np.diff(first)
     least = ROUNDING * float(np.ptp(x)) if x.size else 0.0
     if not np.any(jumps > least):
@@ -151,7 +151,15 @@ def _new_rows(x: Array, begins: _Rows) -> _Rows | None:
     ends = np.append(first[1:], x.size)
     long = ends - first > pace
     beside = [np.arange(a + pace, b - pace // 2, pace) for a, b in zip(first[long], ends[long], strict=True)]
-    return np.union1d(first, np.concatenate([np.zeros(0, dtype=np.int64), *beside]).astype(np.int64))
+    return _either(first, *beside)
+
+
+def _either(*rows: _Rows) -> _Rows:
+    """Rows that are in one of these, in order."""
+    found = np.zeros(1 + max(int(some.max(initial=0)) for some in rows), dtype=bool)
+    for some in rows:
+        found[some] = True
+    return np.flatnonzero(found)
 
 
 def _mean_u(log: Log, t: Array, rows: _Rows, begins: _Rows) -> Array:
@@ -160,7 +168,7 @@ def _mean_u(log: Log, t: Array, rows: _Rows, begins: _Rows) -> Array:
     steps[begins[1:] - 1] = log.sample_time  # from the last row of a piece none leads to the next
     after = np.append(log["u"][1:], log["u"][-1])
     level = log["u"] if log.u_hold == "held" else 0.5 * (log["u"] + after)
-    each = np.union1d(rows, begins)  # what comes before the first of these rows in its piece is of none
+    each = _either(rows, begins)  # what comes before the first of these rows in its piece is of none
     mean = np.add.reduceat(level * steps, each) / np.add.reduceat(steps, each)
     return np.asarray(mean[np.searchsorted(each, rows)])
 

@@ -5,19 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import chain
 from typing import Any, NamedTuple
 
 import numpy as np
 
 from dsd_cli.effects import Effect, Role, Shape, get_effect
-from dsd_cli.effects.memory import driven_load
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.stretches import Stretch, mean_of_middles
+from dsd_cli.identify.fit.stretches import Part, finite
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
-
-#: Longest Runge-Kutta step of a load that a force drives, radians of the free vibration.
-_STEP = 0.1
 
 
 @dataclass(frozen=True)
@@ -82,8 +79,8 @@ INERTIA, SHARE = 0, 1
 class Bank:
     """Columns of some equations, each made once.
 
-    plain : a bank of the same rows in the unit of u, whose rows this one whitens; None: the rows are as `equations`
-        has them without whitening.
+    source : a bank of the same rows: in the unit of u, which this one whitens, or white, which it weighs; None: the
+        rows are as `equations` has them without whitening.
     variance : of the sensor's noise in a row of the acceleration. It would pull the inertia down (errors in variables).
     around : share of a step of delay at which the drive is exact, and linear beside it, and so are columns of u; None
         mixes two whole steps, which takes up to an eighth of (w step)^2 off the drive.
@@ -91,20 +88,32 @@ class Bank:
     """
 
     def __init__(
-        self, equations: Equations, plain: Bank | None = None, variance: float = 0.0, around: float | None = None
+        self, equations: Equations, source: Bank | None = None, variance: float = 0.0, around: float | None = None
     ) -> None:
-        self.equations, self._plain, self.variance, self._around = equations, plain, variance, around
+        self.equations, self._source, self.variance, self._around = equations, source, variance, around
         self.delay_step = max(1, int(equations.band.step * POLICY.delay_step_share))
         self._known: dict[Any, list[Array]] = {}
         self._drives: dict[Any, Array] = {}
         self._last_commands: tuple[Terms | None, list[Array]] = (None, [])
+        self._last_parts: dict[tuple[Terms, bool], dict[Part, Array]] = {}
         self._last_events: dict[tuple[Term, bool], list[Array]] = {}
 
     def between(self, around: float) -> Bank:
         """The same columns, with the drive exact at a share of a step."""
-        found = Bank(self.equations, self._plain, self.variance, around)
-        found._known, found.acceleration = self._known, self.acceleration
+        found = Bank(self.equations, self._source, self.variance, around)
+        found._known, found.acceleration, found._last_parts = self._known, self.acceleration, self._last_parts
         return found
+
+    def weighing(self, row_weight: Array, variance: float) -> Bank:
+        """The same white rows, each times its weight; `variance` is then that of the sensor's noise."""
+        return Bank(replace(self.equations, row_weight=row_weight), self, variance)
+
+    def _passed(self, rows: Array) -> Array:
+        """Rows of the source as they are here."""
+        source, weight = self._source, self.equations.row_weight
+        if source is None or source._source is None or weight is None:
+            return self.equations.whitened(rows)
+        return rows * weight
 
     @property
     def tap_time(self) -> float:
@@ -113,15 +122,23 @@ class Bank:
 
     def design(self, terms: Terms, tap: int, keep: bool = True) -> Design:
         """The equations of these effects at a delay of `tap` steps; `keep` caches new columns."""
-        inputs, held = inputs_of(terms), has_friction(terms)
-        drive, step = self._drive_and_step(inputs, tap, keep, held)
-        rows, signed, widths, at = [drive, self.acceleration, step], [True, True], [], tap + (self._around or 0.0)
-        for term in terms:
-            columns = [] if term.effect.role is Role.INPUT else self.columns(term, at, keep, held)
-            rows += columns
-            signed += [not_negative(term, len(columns))] * len(columns)
-            widths.append(len(columns))
-        return Design(rows, signed, tuple(widths), self._noise_of(terms, tuple(widths), keep))
+        fixed, columns = self._rows(terms, tap, keep)
+        widths = tuple(map(len, columns))
+        signed = [s for t, n in zip(terms, widths, strict=True) for s in [not_negative(t, n)] * n]
+        rows = [*fixed, *chain.from_iterable(columns)]
+        return Design(rows, FIXED * [True] + signed, widths, self._noise_of(terms, widths, keep))
+
+    def rows(self, terms: Terms, tap: int, keep: bool = True) -> list[Array]:
+        """Those of `design`."""
+        fixed, columns = self._rows(terms, tap, keep)
+        return [*fixed, *chain.from_iterable(columns)]
+
+    def _rows(self, terms: Terms, tap: int, keep: bool) -> tuple[list[Array], list[list[Array]]]:
+        """(drive and the columns that stand before effects, columns of each effect)."""
+        held, at = has_friction(terms), tap + (self._around or 0.0)
+        drive, step = self._drive_and_step(inputs_of(terms), tap, keep, held)
+        columns = [[] if t.effect.role is Role.INPUT else self.columns(t, at, keep, held) for t in terms]
+        return [drive, self.acceleration, step], columns
 
     def _drive_and_step(self, inputs: Terms, tap: int, keep: bool, held: bool) -> tuple[Array, Array]:
         """(drive, its change over one more step of delay): drive - share x change is the drive between steps."""
@@ -136,8 +153,7 @@ class Bank:
     @cached_property
     def acceleration(self) -> Array:
         """Rows of the measured acceleration."""
-        plain = self._plain
-        return self.equations.acceleration() if plain is None else self.equations.whitened(plain.acceleration)
+        return self.equations.acceleration() if self._source is None else self._passed(self._source.acceleration)
 
     def _noise_of(self, terms: Terms, widths: tuple[int, ...], keep: bool) -> Array:
         """Covariance of the sensor noise in the columns: it enters the acceleration, and through it that of a load. Its
@@ -178,9 +194,12 @@ class Bank:
         key = (inputs, tap, held)
         if key in self._drives:
             return self._drives[key]
-        if self._plain is not None:
+        parts = {} if any(s.levels for s in self.equations.stretches) else self.equations.parts(tap * self.tap_time)
+        if len(parts) > 1:
+            made = np.asarray(sum(weight * self._part(inputs, part, held) for part, weight in parts.items()))
+        elif self._source is not None:
             whole = self._around is None  # delays between steps are asked for by one fit alone
-            made = self.equations.whitened(self._plain.drive(inputs, tap, keep and whole, held))
+            made = self._passed(self._source.drive(inputs, tap, keep and whole, held))
         else:
             made = self.equations.commanded(self._commands(inputs), tap * self.tap_time, held)
             for smooth, taken in of_single_logs(self.equations, tap * self.tap_time):
@@ -194,6 +213,17 @@ class Bank:
         if not any(s.levels for s in self.equations.stretches):
             return self.drive(inputs, tap, held=held)
         return self.equations.commanded(self._commands(inputs), tap * self.tap_time, held)
+
+    def _part(self, inputs: Terms, part: Part, held: bool) -> Array:
+        """Rows of a part of the command. White ones of the last command stay, for delays between the same samples."""
+        if self._source is None:
+            return self.equations.part(self._commands(inputs), part, held)
+        if (inputs, held) not in self._last_parts:
+            self._last_parts.clear()
+        parts = self._last_parts.setdefault((inputs, held), {})
+        if part not in parts:
+            parts[part] = self._passed(self._source._part(inputs, part, held))
+        return parts[part]
 
     def _commands(self, inputs: Terms) -> list[Array]:
         """The last ones stay: the same effects are asked for at several delays."""
@@ -211,8 +241,8 @@ class Bank:
             before = self._last_events.get  # edges are moved one by one
             self._last_events = {(e, held): before((e, held)) or self.columns(e, tap, False, held) for e in apart}
             made = [self._last_events[e, held][0] for e in apart]
-        elif self._plain is not None:
-            made = [*map(self.equations.whitened, self._plain.columns(term, tap, keep and self._around is None, held))]
+        elif self._source is not None:
+            made = [*map(self._passed, self._source.columns(term, tap, keep and self._around is None, held))]
         else:
             made = columns_of(self.equations, term, tap * self.tap_time, held)
         if keep:
@@ -234,8 +264,8 @@ def not_negative(term: Term, columns: int) -> bool:
 
 def noisy_load(equations: Equations, t: Term) -> list[Array]:
     """Change of a load's column under a synthetic realisation of the sensor noise, by stretch."""
-    both = [(s, replace(s, noisy=True)) for s in equations.stretches]
-    return [finite(_columns(more, t, s.log["u"])[0] - _columns(s, t, s.log["u"])[0]) for s, more in both]
+    noisy, quiet = (raw_columns(one, t, 0.0)[0] for one in (equations.noisy, equations))
+    return [finite(x - y) for x, y in zip(noisy, quiet, strict=True)]
 
 
 def drive(equations: Equations, inputs: Terms, delay: float) -> list[Array]:
@@ -258,8 +288,8 @@ def commands(equations: Equations, inputs: Terms) -> list[Array]:
 def raw_columns(equations: Equations, term: Term, delay: float) -> list[list[Array]]:
     """Regressor of each coefficient, mean per interval: [coefficient][stretch]; minus the unit force."""
     late = drive(equations, (), delay) if "u" in term.effect.needs else [s.log["u"] for s in equations.stretches]
-    by_stretch = [[finite(c) for c in _columns(s, term, u)] for s, u in zip(equations.stretches, late, strict=True)]
-    return [list(column) for column in zip(*by_stretch, strict=True)]
+    by_stretch = [s.columns(term.effect, term.shape, u) for s, u in zip(equations.stretches, late, strict=True)]
+    return [list(map(finite, column)) for column in zip(*by_stretch, strict=True)]
 
 
 def of_single_logs(equations: Equations, delay: float) -> Iterator[tuple[bool, list[Array]]]:
@@ -268,26 +298,3 @@ def of_single_logs(equations: Equations, delay: float) -> Iterator[tuple[bool, l
         by = [sum(x for e, c, x in s.levels if (e, c) == (name, column)) for s in equations.stretches]
         raw = raw_columns(equations, Term(name), delay)[column]
         yield get_effect(name).role is not Role.FRICTION, [c * x for c, x in zip(by, raw, strict=True)]
-
-
-def finite(x: Array) -> Array:
-    """0 for NaN; x itself where there is none, which is quicker to see than to mend."""
-    return x if bool(np.isfinite(x).all()) else np.nan_to_num(x)
-
-
-def _columns(stretch: Stretch, term: Term, u: Array) -> list[Array]:
-    effect, pushed, log = term.effect, stretch.pushed, stretch.log
-    if pushed is not None and pushed[0] == term.id and effect.coupling is not None:  # see `fit.driven_load`
-        return [driven_load(log["push"], log.sample_time, effect.coupling(term.shape), pushed[1], _STEP)]
-    return effect_columns(stretch, effect, term.shape, u)
-
-
-def effect_columns(stretch: Stretch, effect: Effect, shape: Shape, u: Array) -> list[Array]:
-    """Regressor of each coefficient, mean per interval under that delayed u; minus the unit force."""
-    found, _ = effect.run(stretch.channels(u, effect), shape)
-    columns = [np.broadcast_to(c, len(u)) for c in found]
-    if effect.role is Role.FRICTION:
-        return [stretch.sign * c for c in columns]
-    if effect.role is Role.STRUCTURE:
-        return columns
-    return [-c if effect.memory else -mean_of_middles(c) for c in columns]

@@ -148,10 +148,21 @@ class Grams(NamedTuple):
         return Grams(*(gram[..., rows, :][..., rows] for gram in self))
 
 
+#: Rows that are condensed at once, so that they stay at hand.
+_CONDENSED = 2048
+
+
 def total_gram(rows: Sequence[Array]) -> Array:
     """Over all rows, shape (p+1, p+1)."""
     x = np.stack(rows)
     return np.asarray(x @ x.T)
+
+
+def condensed(rows: Array) -> Array:
+    """Much shorter rows with the same inner products as these, shape (p, N), piece by piece: each is as long as p."""
+    count = len(rows)
+    pieces = np.pad(rows, ((0, 0), (0, -rows.shape[1] % _CONDENSED))).reshape(count, -1, _CONDENSED)
+    return np.asarray(np.linalg.qr(pieces.transpose(1, 2, 0), mode="r")).transpose(2, 0, 1).reshape(count, -1)
 
 
 def without_noise(gram: Array, noise: Array, rows: ArrayLike) -> Array:

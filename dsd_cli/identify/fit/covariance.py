@@ -176,9 +176,9 @@ def information(fit: Fit, solver: Solver) -> Information:
         for factor in (1.0 + STEP, 1.0 - STEP):
             terms = list(fit.terms)
             terms[i] = type(terms[i]).of(terms[i].id, {**terms[i].shape, name: value * factor})
-            changed = solver.bank.design(tuple(terms), fit.tap, keep=False)
-            ends.append(weights @ np.stack(changed.rows))
-        rows.append((ends[0] - ends[1]) / (2.0 * STEP))
+            ends.append(solver.bank.rows(tuple(terms), fit.tap, keep=False))
+        moved = [w * (high - low) for w, high, low in zip(weights, *ends, strict=True) if high is not low]
+        rows.append(np.sum(moved, axis=0) / (2.0 * STEP))
     found = grams(rows, solver.blocks)
     normal = without_noise(found.total, np.pad(design.noise, (0, len(shapes))), len(rows[0]))[1:, 1:]
     residual = np.concatenate([[1.0], -fit.total, np.zeros(len(shapes))])

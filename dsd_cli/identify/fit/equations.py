@@ -22,11 +22,13 @@ from numpy.typing import NDArray
 
 from dsd_cli.identify.fit.band import Band, band_of, own_bands
 from dsd_cli.identify.fit.noise import HALF
-from dsd_cli.identify.fit.stretches import Stretch, stretch_of
+from dsd_cli.identify.fit.stretches import Part, Stretch, stretch_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.signals.log import Array
 
+#: Rows that are whitened at once, no fewer than the taps.
+_PIECE = 32
 _Kind = TypeVar("_Kind", bound=np.generic)
 
 
@@ -105,6 +107,15 @@ class Equations:
         """A command of every stretch, `delay` s late -> rows in the unit of u; see `Stretch.commanded`."""
         return self.plain([s.commanded(u, delay, held) for s, u in zip(self.stretches, commands, strict=True)])
 
+    def parts(self, delay: float) -> dict[Part, float]:
+        """Parts of a command that is `delay` s late, and their weights; none where logs are sampled differently."""
+        first, *others = (s.parts(delay) for s in self.stretches)
+        return first if all(one == first for one in others) else {}
+
+    def part(self, commands: Sequence[Array], part: Part, held: bool) -> Array:
+        """One of `parts` -> rows in the unit of u."""
+        return self.plain([s.part(u, part, held) for s, u in zip(self.stretches, commands, strict=True)])
+
     def acceleration(self) -> Array:
         """Rows of the measured acceleration."""
         return self.plain([s.acceleration for s in self.stretches])
@@ -138,6 +149,11 @@ class Equations:
         """Share of the samples that count: less than 1 where contacts of a load are known."""
         return float(np.mean(np.concatenate([s.clear for s in self.stretches])))
 
+    @property
+    def noisy(self) -> Equations:
+        """With the synthetic noise of the sensors."""
+        return replace(self, stretches=tuple(replace(s, noisy=True) for s in self.stretches))
+
     def in_full(self) -> Equations:
         """With all samples, also those where a load may touch."""
         if self.counting == 1.0:
@@ -159,9 +175,15 @@ def _filtered(rows: Array, taps: Array) -> Array:
     """Rows of one stretch after symmetric taps; beyond its ends they stay as they are there."""
     if len(taps) == 1:
         return rows * taps[0]
-    longer = np.empty(len(rows) + 2 * HALF)  # filled by hand: `np.pad` takes longer than the convolution
-    longer[:HALF], longer[HALF:-HALF], longer[-HALF:] = rows[0], rows, rows[-1]
-    return np.convolve(longer, taps, "valid")
+    longer = np.empty((-(-len(rows) // _PIECE) + 1, _PIECE))
+    flat, end = longer.reshape(-1), HALF + len(rows)
+    flat[:HALF], flat[HALF:end], flat[end:] = rows[0], rows, rows[-1]
+    shifted = np.zeros((_PIECE, 2 * _PIECE))  # each piece and what it needs of the next, times the taps as a matrix:
+    for i in range(_PIECE):  # less than half of what `np.convolve` takes
+        shifted[i, i : i + len(taps)] = taps
+    found = longer[:-1] @ shifted[:, :_PIECE].T
+    found += longer[1:, : 2 * HALF] @ shifted[:, _PIECE : _PIECE + 2 * HALF].T
+    return found.reshape(-1)[: len(rows)]
 
 
 def equations_of(

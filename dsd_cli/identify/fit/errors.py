@@ -50,7 +50,7 @@ class Errors:
 
     def cancelled(self, fit: Fit, term: Term) -> bool:
         """Whether others of a fit must hold this one: its force is more than u and J a together, rms."""
-        rows, at = self.bank.design(fit.terms, fit.tap).rows, fit.columns_of(term)
+        rows, at = self.bank.rows(fit.terms, fit.tap), fit.columns_of(term)
         force = fit.total[at] @ np.stack(rows[1 + at.start : 1 + at.stop])
         moving = self.force + whole_inertia(fit) * _rms(self.bank.acceleration[self._keep])
         return _rms(force[self._keep]) > moving
@@ -66,7 +66,7 @@ class Errors:
 
         Shape (N,), 0 in rows that do not count.
         """
-        rows = np.stack(self.bank.design(fit.terms, fit.tap).rows)
+        rows = np.stack(self.bank.rows(fit.terms, fit.tap))
         if not held_out:
             return np.asarray(fit.forward @ rows * self._keep)
         return np.asarray(np.einsum("ni,in->n", fit.forward_folds[self._fold], rows) * self._keep)
@@ -101,7 +101,7 @@ class Errors:
         errors, u = _errors(self.bank, model)
         if self._aside is not None:
             return _score(errors, _rms(_errors(self._aside, model)[0]), u)
-        rows, theta = self.bank.design(fit.terms, fit.tap).rows, fit.folds[self._fold]
+        rows, theta = self.bank.rows(fit.terms, fit.tap), fit.folds[self._fold]
         if weightless:
             theta[:, INERTIA] = scale.inertia
         held = rows[0] - np.einsum("ni,in->n", theta, np.stack(rows[1:]))

@@ -23,6 +23,7 @@ from dsd_cli.identify.fit.stretches import slow_spells
 from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.once import once
 from dsd_cli.signals.runs import runs
 
 #: Mean of sgn v from which on the direction is sure; rounds in which the weights are found, and the delay.
@@ -67,6 +68,7 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
 
     plain : the bank of the same rows in the unit of u.
     """
+    white = solver.bank
     fit, solver = _exact(fit, solver)
     equations = solver.bank.equations
     if equations.row_weight is not None:
@@ -84,7 +86,7 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
         weight = math.sqrt(quiet / (quiet + unsure.sum() * max(loud - quiet, 0.0) + 1e-300))
         row_weight = np.where(sure, 1.0, np.where(unsure, weight, 0.0))
         size = float(row_weight @ row_weight)
-        bank = Bank(replace(equations, row_weight=row_weight), plain, solver.bank.variance * size / len(row_weight))
+        bank = white.weighing(row_weight, white.variance * size / len(row_weight))
         nats = min(quiet, solver.variance)
         trusting = solver.on(bank, nats)
         fit, trusting = _exact(trusting.fit(fit.terms, fit.tap, fit.whole_steps), trusting)
@@ -160,7 +162,7 @@ def _harmless(fit: Fit, bank: Bank, sure: NDArray[np.bool_]) -> float:
     """Share of a row that may be unsure, for friction to lean by no more than a small part of the row's noise."""
     if not sure.any():
         return 0.0
-    rows, friction = bank.design(fit.terms, fit.tap).rows, np.zeros(len(bank.acceleration))
+    rows, friction = bank.rows(fit.terms, fit.tap), np.zeros(len(bank.acceleration))
     for term in fit.terms:
         if term.effect.role is Role.FRICTION:
             at = fit.columns_of(term)
@@ -198,6 +200,7 @@ def surely_less(was: Array, now: Array) -> bool:
     return fall > POLICY.value_deviations**2
 
 
+@once
 def uncertain(equations: Equations, creeping: bool = True, resting: bool = True) -> Array:
     """Share of each whitened row's weight on samples in which the axis may rest (`resting`) or turn, shape (N,).
 
@@ -224,5 +227,5 @@ def uncertain(equations: Equations, creeping: bool = True, resting: bool = True)
 
 
 def _residual(fit: Fit, bank: Bank) -> Array:
-    rows = bank.design(fit.terms, fit.tap).rows
+    rows = bank.rows(fit.terms, fit.tap)
     return np.asarray(rows[0] - fit.total @ np.stack(rows[1:]))

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from dsd_cli.effects import Channels, Effect, Role
+from dsd_cli.effects import Channels, Effect, Role, Shape
+from dsd_cli.effects.memory import driven_load
 from dsd_cli.identify.fit.pushes import SensorMotion
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
@@ -68,6 +70,8 @@ def _stays(speed: Array, limits: Array, usual: float) -> bool:
     return slope * len(speed) <= POLICY.resting_share * limit or slope <= POLICY.resting_slope * usual
 
 
+#: Longest Runge-Kutta step of a load that a force drives, radians of the free vibration.
+_STEP = 0.1
 #: Standard deviations of the speed's noise beyond which the direction is certain.
 _CERTAIN = 4.0
 #: Value in the middle of the interval between the inner two of four samples (exact for cubics).
@@ -76,6 +80,14 @@ _MIDDLE_OF_FOUR = np.array([-1.0, 9.0, 9.0, -1.0]) / 16.0
 _CUBIC = np.array([[0.0, -2.0, 3.0, -1.0], [6.0, -3.0, -6.0, 3.0], [0.0, 6.0, 3.0, -3.0], [0.0, -1.0, 0.0, 1.0]]) / 6.0
 #: Mean over an interval out of the values in the middle of it and of its neighbours.
 _MEAN_OF_MIDDLES = np.array([1.0, 22.0, 1.0]) / 24.0
+
+
+class Part(NamedTuple):
+    """A command that is so many `samples` late, as the acceleration averages it: all of it; or, for a mean over two
+    intervals, what the interval before a sample adds to it (`next` False), or the next one (True)."""
+
+    samples: float
+    next: bool | None = None
 
 
 @dataclass(frozen=True)
@@ -137,6 +149,19 @@ class Stretch:
             return self.frame.channels(drive, self.mean)._replace(acceleration=change, direction=side)
         return self.frame.channels(drive, self.middle)._replace(interval=np.broadcast_to(0.0, len(drive)))
 
+    def columns(self, effect: Effect, shape: Shape, u: Array) -> list[Array]:
+        """Regressor of each coefficient of an effect, mean per interval under that delayed u; minus the unit force."""
+        pushed, log = self.pushed, self.log
+        if pushed is not None and pushed[0] == effect.id and effect.coupling is not None:  # see `fit.driven_load`
+            return [driven_load(log["push"], log.sample_time, effect.coupling(shape), pushed[1], _STEP)]
+        found, _ = effect.run(self.channels(u, effect), shape)
+        columns = [np.broadcast_to(c, len(u)) for c in found]
+        if effect.role is Role.FRICTION:
+            return [self.sign * c for c in columns]
+        if effect.role is Role.STRUCTURE:
+            return columns
+        return [-c if effect.memory else -mean_of_middles(c) for c in columns]
+
     def acting(self, x: Array, smooth: bool, held: bool) -> Array:
         """A force per interval as the acceleration averages it.
 
@@ -146,32 +171,35 @@ class Stretch:
         return self.averaged(x * self.free if held else x, smooth)
 
     def commanded(self, command: Array, delay: float, held: bool) -> Array:
-        """A command, `delay` s late, as the acceleration averages it; held: see `acting`.
+        """A command, `delay` s late, as the acceleration averages it; held: see `acting`."""
+        return np.asarray(sum(weight * self.part(command, one, held) for one, weight in self.parts(delay).items()))
+
+    def parts(self, delay: float) -> dict[Part, float]:
+        """The parts of a command that is `delay` s late, and their weights.
 
         Between whole samples the mean of a held u over one interval is linear in the delay; under the hat each interval
         has the older value for its first part, then the newer one. A u that is not held follows a cubic through four
         samples.
         """
-        step = self.frame.log.sample_time
-        whole, part = delay_taps(delay, step)
-
-        def late(samples: float) -> Array:
-            mean = self.frame.mean_u(command, max(samples, 0) * step)
-            mean = mean if samples >= 0 else np.append(mean[1:], mean[-1])
-            return self.acting(mean, not self.stepping, held)
-
-        if part == 0.0:
-            return late(whole)
+        whole, share = delay_taps(delay, self.frame.log.sample_time)
+        if share == 0.0:
+            return {Part(whole): 1.0}
         if not self.stepping:
-            nodes = zip(_CUBIC @ part ** np.arange(4.0), range(-1, 3), strict=True)
-            return np.asarray(sum(weight * late(whole + k) for weight, k in nodes))
+            return {Part(whole + k): float(w) for k, w in enumerate(_CUBIC @ share ** np.arange(4.0), -1)}
         if not self.two_intervals:
-            return late(whole + part)
-        free = self.free if held else 1.0
-        older, newer = (self.frame.mean_u(command, x * step) for x in (whole + 1, whole))
-        rising = free * (part**2 * older + (1.0 - part**2) * newer)
-        falling = free * (part * (2.0 - part) * older + (1.0 - part) ** 2 * newer)
-        return 0.5 * (rising + np.append(falling[1:], falling[-1])) * self.clear
+            linear = {Part(whole): 1.0 - share, Part(whole + 1): share}
+            return linear if self.frame.regular else {Part(whole + share): 1.0}
+        ending = {Part(whole + 1, False): share**2, Part(whole, False): 1.0 - share**2}
+        return ending | {Part(whole + 1, True): share * (2.0 - share), Part(whole, True): (1.0 - share) ** 2}
+
+    def part(self, command: Array, part: Part, held: bool) -> Array:
+        """One part of a delayed command."""
+        mean = self.frame.mean_u(command, max(part.samples, 0) * self.frame.log.sample_time)
+        mean = mean if part.samples >= 0 else np.append(mean[1:], mean[-1])
+        if part.next is None:
+            return self.acting(mean, not self.stepping, held)
+        mean = mean * self.free if held else mean
+        return np.asarray(0.5 * (np.append(mean[1:], mean[-1]) if part.next else mean) * self.clear)
 
     def averaged(self, x: Array, smooth: bool) -> Array:
         """x per interval -> as the acceleration averages it."""
@@ -236,6 +264,11 @@ def direction(speed: Array, noise: Array) -> Array:
     # erf(x / sqrt 2), the mean of sgn of v given v + noise
     found[doubtful] = np.tanh(np.sqrt(2.0 / np.pi) * (x + 0.044715 * x**3))
     return np.asarray(found)
+
+
+def finite(x: Array) -> Array:
+    """0 for NaN; x itself where there is none, which is quicker to see than to mend."""
+    return x if bool(np.isfinite(x).all()) else np.nan_to_num(x)
 
 
 def mean_of_middles(x: Array) -> Array:

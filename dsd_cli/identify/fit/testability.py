@@ -12,6 +12,7 @@ from dsd_cli.effects import Ranges, Role, catalogue, get_effect, kind_of
 from dsd_cli.errors import DataError, TooShort
 from dsd_cli.identify.fit.bank import INERTIA as OF_INERTIA
 from dsd_cli.identify.fit.bank import Bank, Terms
+from dsd_cli.identify.fit.blocks import condensed
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.values import Fitted
@@ -169,9 +170,9 @@ def _not_identified(bank: Bank, fitted: Fitted, beside: Terms) -> list[str]:
     fit, kept = fitted.fit, bank.equations.kept
     every = (*fit.terms, *(t for t in beside if t.id not in {own.id for own in fit.terms}))
     design = bank.design(every, fit.tap)
-    rows = np.stack(design.rows)[:, kept]
+    rows = condensed(np.stack(design.rows)[:, kept])
     least = (POLICY.least_unknown * float(np.linalg.norm(rows[0]))) ** 2
-    a, noise = 1 + OF_INERTIA, float(design.noise[OF_INERTIA, OF_INERTIA]) * rows.shape[1]
+    a, noise = 1 + OF_INERTIA, float(design.noise[OF_INERTIA, OF_INERTIA]) * np.count_nonzero(kept)
     if fitted.model.inertia**2 * (_own(rows, slice(a, a + 1), np.ones(1)) - noise) > least:
         return []
     places = {t.id: fit.columns_of(t) for t in fit.terms}

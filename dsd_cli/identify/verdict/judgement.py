@@ -238,19 +238,22 @@ class Verdict:
         return best.effect if likely and self._lowers(best.effect) else ""
 
     def _ranking(self, score: Score, refitted: Score) -> tuple[Candidate, ...]:
-        found = [self._candidate(o, refitted) for o in self.alone.values()]
-        found.sort(key=lambda c: (c.effect != self.named, c.heldout_rmse_after))
-        untestable = [
-            Candidate(name, math.nan, math.nan, math.nan, 0.0, {}, untestable=reason)
-            for name, reason in self.problem.untestable.items()
-        ]
+        tested = [(o, self.problem.score(o.fit)) for o in self.alone.values()]
+        tested.sort(key=lambda one: (one[0].effect != self.named, one[1].heldout_rmse))
+        best = next((o for o, _ in tested if o.effect not in self.members), None)
+        found = [self._candidate(o, refitted, errors, first=o is best) for o, errors in tested]
+        nan, untested = math.nan, self.problem.untestable.items()
+        untestable = [Candidate(name, nan, nan, nan, 0.0, {}, untestable=reason) for name, reason in untested]
         own = [replace(c, heldout_rmse_before=score.heldout_rmse) for c in self.own.candidates]
         lead = own if self.own.wrong and not self.members and not self.shown.by_contacts else []
         return (*lead, *found, *(c for c in own if c not in lead), *untestable)
 
-    def _candidate(self, option: Option, refitted: Score) -> Candidate:
-        score, known = self.problem.score(option.fit), self.problem.values(option.fit)
-        prefix, rivals = f"{option.effect}.", self._rivals(option.effect)
+    def _candidate(self, option: Option, refitted: Score, score: Score, *, first: bool) -> Candidate:
+        """first : least error of those not found. What is surely not there is not worth all rows: those searched do."""
+        likely, fit, part = self._probability(option.effect), option.fit, self.search.excerpt
+        shown = first or likely > 1.0 - POLICY.surest or option.effect in (self.named, self.doubted, *self.members)
+        known = self.problem.values(fit) if shown or part is None else part.problem.values(part.fit(fit.terms, fit.tap))
+        rivals, prefix = self._rivals(option.effect), f"{option.effect}."
         values = {name.removeprefix(prefix): e for name, e in known.estimates.items() if name.startswith(prefix)}
         if any(name.startswith(prefix) for name in known.tied):
             rivals = (*rivals, INERTIA)
@@ -262,15 +265,13 @@ class Verdict:
             own = self.problem.errors_for(known.model, self.problem.recordings).of_model(known.model)
             score = replace(own, heldout_rmse=score.heldout_rmse)
         return Candidate(
-            effect=option.effect,
-            seen=seen.values if seen else {},
-            rmse_after=score.rmse,
-            heldout_rmse_before=refitted.heldout_rmse,
-            heldout_rmse_after=score.heldout_rmse,
-            probability=self._probability(option.effect),
-            parameters=values,
-            indistinguishable_from=rivals,
+            option.effect,
+            *(score.rmse, refitted.heldout_rmse, score.heldout_rmse),
+            likely,
+            values,
+            rivals,
             note="; ".join(notes),
+            seen=seen.values if seen else {},
             model=known.model,
             score=score,
             all_values=known.estimates,
@@ -282,8 +283,7 @@ class Verdict:
             return self.seen.rivals if effect == self.seen.effect else ()
         member = self._named_for.get(effect, effect)
         found = self.members[member].rivals if member in self.members else ()
-        stands_in = (member,) if member != effect else ()
-        return (*stands_in, *(r for r in found if r != effect))
+        return (*([member] if member != effect else []), *(r for r in found if r != effect))
 
     def _probability(self, effect: str) -> float:
         if effect == self.named:

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsd_cli.identify.fit.bank import SHARE, Terms, has_friction
+from dsd_cli.identify.fit.blocks import condensed
 from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings, constant_u
@@ -134,11 +135,12 @@ def _best_freed(search: Search, terms: Terms, tap: int) -> _Freed:
 def _freed(search: Search, terms: Terms, tap: int) -> _Freed:
     """Least squares without a bound on the share."""
     bank = search.solver.bank
-    rows = np.stack(bank.design(terms, tap, keep=False).rows)
-    x = rows[1:]
-    inverse = np.linalg.pinv(x.T, rcond=x.shape[1] * np.finfo(float).eps)
-    theta = inverse @ rows[0]
-    left = rows[0] - theta @ x
+    rows = np.stack(bank.rows(terms, tap, keep=False))
+    few = condensed(rows)
+    x = few[1:]
+    inverse = np.linalg.pinv(x.T, rcond=rows.shape[1] * np.finfo(float).eps)
+    theta = inverse @ few[0]
+    left = rows[0] - theta @ rows[1:]
     variance = float(inverse[SHARE] @ inverse[SHARE] * np.mean(left**2) * search.noise.inflation)
     return _Freed(tap, -float(theta[SHARE]) * bank.tap_time, math.sqrt(variance) * bank.tap_time, left)
 
