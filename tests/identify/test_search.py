@@ -252,7 +252,7 @@ def test_the_error_of_a_filter_beside_columns_that_are_nearly_one_is_a_number():
     x[SHARE] = 1e-3 * x[SHARE] + 1e-6 * x[2]
     assert np.linalg.pinv(x @ x.T)[SHARE, SHARE] < 0.0
     rows = [random.normal(size=200), *x]
-    bank = SimpleNamespace(tap_time=1.0, design=lambda *_, **__: SimpleNamespace(rows=rows))
+    bank = SimpleNamespace(tap_time=1.0, rows=lambda *_, **__: rows)
     search = SimpleNamespace(solver=SimpleNamespace(bank=bank), noise=SimpleNamespace(inflation=1.0))
     freed = limits._freed(search, (), 0)
     assert 0.0 < freed.error < np.inf
