@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.fit.band import band_of
-from dsd_cli.identify.fit.bank import FIXED, INERTIA, Bank, Term, drive, has_friction, inputs_of, raw_columns
+from dsd_cli.identify.fit.bank import FIXED, INERTIA, Bank, Term, commands, drive, has_friction, inputs_of, raw_columns
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.testability import ranges
 from dsd_cli.identify.recordings.recording import prepare
@@ -162,6 +162,32 @@ def test_a_whitened_bank_has_the_rows_of_the_plain_one_whitened(equations):
     noise = white.design(terms, 1).noise
     assert noise[INERTIA, INERTIA] == 0.5
     assert np.count_nonzero(noise) == 1
+
+
+@pytest.mark.parametrize("around", [None, 0.0, 0.37])
+def test_weighed_rows_are_the_white_ones_times_their_weights(equations, around):
+    """Whether they are made of the white rows or anew, and so are those of the drive between steps of delay."""
+    plain, taps = Bank(equations), np.pad([-0.2, 0.1, 1.0, 0.1, -0.2], 10)
+    white = Bank(equations.with_whitening(taps, 2.0 * taps), plain, 0.5)
+    weight = np.linspace(0.0, 1.0, sum(equations.lengths))
+    banks = white.weighing(weight, 0.3), Bank(replace(white.equations, row_weight=weight), plain, 0.3)
+    terms = (Term("coulomb_friction"), LOAD, Term.of("dead_zone", {"width": 0.1}))
+    found, direct = (one if around is None else one.between(around) for one in banks)
+    for row, expected in zip(found.design(terms, 1).rows, direct.design(terms, 1).rows, strict=True):
+        np.testing.assert_allclose(row, expected, atol=1e-12)
+    np.testing.assert_allclose(found.design(terms, 1).noise, direct.design(terms, 1).noise, rtol=1e-9)
+
+
+def test_a_drive_between_samples_is_that_of_the_command_so_late(equations):
+    """Delays between the same samples are put together from parts that are kept, of one command after the other."""
+    plain = Bank(equations)
+    taps = np.pad([1.0], 12)
+    white = Bank(equations.with_whitening(taps, taps), plain)
+    late, dead = (), (Term.of("dead_zone", {"width": 0.1}),)
+    for tap, inputs, held in ((2.3, late, False), (2.6, late, False), (2.6, dead, True), (2.3, late, True)):
+        expected = equations.commanded(commands(equations, inputs), tap * plain.tap_time, held)
+        np.testing.assert_allclose(plain.drive(inputs, tap, held=held), expected, atol=1e-12)
+        np.testing.assert_allclose(white.drive(inputs, tap, held=held), expected, atol=1e-12)
 
 
 def test_the_noise_that_a_load_takes_over_is_what_its_filter_makes_of_it():

@@ -6,7 +6,7 @@ from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from dsd_cli.errors import DataError
-from dsd_cli.identify.fit.blocks import lay_blocks
+from dsd_cli.identify.fit.blocks import condensed, lay_blocks
 from dsd_cli.identify.policy import POLICY
 
 LENGTHS = st.lists(st.integers(1, 400), min_size=1, max_size=4)
@@ -115,3 +115,17 @@ def test_the_shortest_log_that_is_long_enough():
 def test_a_short_log_has_a_block_for_each_fold():
     """Of two halves one speeds up and the other slows down, and neither tells what the other does."""
     assert [lay_blocks([rows], 5, "log.csv").count for rows in (30, 41, 74, 75, 90)] == [5, 5, 5, 5, 6]
+
+
+@pytest.mark.parametrize("length", [3, 2048, 7001])
+def test_condensed_rows_have_the_same_inner_products(length):
+    rows = np.random.default_rng(length).normal(size=(4, length)) * [[1e-6], [1.0], [1.0], [1e6]]
+    rows[2] = rows[1] + 1e-7 * rows[2]
+    found = condensed(rows)
+    assert found.shape[1] <= 4 * (length // 2048 + 1)
+    sizes = np.linalg.norm(rows, axis=1)
+    np.testing.assert_allclose(
+        found @ found.T / np.outer(sizes, sizes), rows @ rows.T / np.outer(sizes, sizes), atol=1e-13
+    )
+    apart = np.linalg.norm(found[2] - found[1])  # which a Gram matrix would have lost
+    assert apart == pytest.approx(np.linalg.norm(rows[2] - rows[1]), rel=1e-6)

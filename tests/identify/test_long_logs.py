@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from bench.hidden_cases import Job, prepared
+from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.path_estimate import without_drift
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
@@ -94,6 +95,20 @@ def test_all_rows_are_judged_and_their_values_are_truer(long):
     (part,) = excerpts([long])
     short = diagnose([part], BELIEVED, OBSERVER, FEW).ranking[0].parameters["level"]
     assert level.std_error < 0.8 * short.std_error
+
+
+def test_of_what_is_surely_not_there_the_excerpt_has_the_values_and_all_rows_the_errors(long):
+    asked, searches = Settings(("coulomb_friction", "stiffness", "quadratic_drag")), []
+    found = diagnose([long], BELIEVED, OBSERVER, asked, on_found=lambda search, _: searches.append(search))
+    (search,) = searches
+    named, best, surely_not = (c for c in found.ranking if c.effect in asked.effects)
+    assert surely_not.probability < 1.0 - POLICY.surest
+    for one in (named, best, surely_not):
+        fit = search.fit((*search.base, Term(one.effect)), search.refit.tap)
+        (value,) = one.parameters.values()
+        by_all = search.problem.values(fit).estimates[f"{one.effect}.{next(iter(one.parameters))}"]
+        assert one.heldout_rmse_after == pytest.approx(search.problem.score(fit).heldout_rmse, rel=1e-3)
+        assert (value.std_error > 1.2 * by_all.std_error) is (one is surely_not)
 
 
 def test_what_happens_outside_the_excerpt_is_seen(long):

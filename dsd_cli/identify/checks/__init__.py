@@ -238,7 +238,7 @@ def to_mend_first(result: CheckResult | Seen) -> tuple[Finding, ...]:
 
 @_quietly
 def biased_by_noise(
-    seen: Seen, model: PlantModel, observer: ObserverSettings, known: Collection[str] = ()
+    seen: Seen, model: PlantModel, observer: ObserverSettings | None = None, known: Collection[str] = ()
 ) -> list[Finding]:
     """Values of the model that noise in the loop biases in any fit, but for those that are `known` from elsewhere."""
     return _leaning([one for one in check_parameters(seen.view, model, observer) if one.name not in known])
