@@ -125,7 +125,7 @@ def motion_columns(
     noise : standard deviation of `sharp`; a turn that is softer than the sensor asks for passes for them, too.
     """
     soft = max(min(REST * float(np.sqrt(np.mean(speed**2))), SURE * noise), 1e-300)
-    direction, middle = keep(np.tanh(sharp / soft))[rows], position.mean()
+    direction, middle = keep.at(np.tanh(sharp / soft), rows), position.mean()
     speed, position = speed[rows], position[rows]
     return np.column_stack(
         [speed, direction, np.sin(position), np.cos(position), position - middle, np.ones(rows.size)]

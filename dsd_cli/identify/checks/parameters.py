@@ -195,7 +195,7 @@ def _stretch_rows(
         idle, asked = asked_for(s, model, keep)
         asked = replace(asked, noise=motion.noise)  # it turns as the motion does
         along = np.column_stack(_columns(idle, asked, keep, rows, model, values)[1:])
-    return *found, along, keep(s.u)[rows]
+    return *found, along, keep.at(s.u, rows)
 
 
 def _columns(
@@ -206,7 +206,7 @@ def _columns(
     mean = 0.5 * (motion.acceleration + np.concatenate([motion.acceleration[:1], motion.acceleration[:-1]]))
 
     def left(one: PlantModel) -> Array:
-        return np.asarray(one.motor_inertia * mean[rows] - keep(frame.net_force(one))[rows])
+        return np.asarray(one.motor_inertia * mean[rows] - keep.at(frame.net_force(one), rows))
 
     here = left(model)
     slopes = []

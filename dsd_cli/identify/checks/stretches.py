@@ -22,6 +22,8 @@ _TRANSITION = 0.6
 _BLACKMAN = 5.5
 #: Rows of a stretch that are kept at most.
 _MOST = 6000
+#: Products of a sum over the kernel, per sample of the stretch, that take no longer than a transform.
+_AS_LONG = 4
 #: Rows are kept at this many times the band's end.
 _OVERSAMPLING = 3.0
 
@@ -62,6 +64,13 @@ class LowPass:
         size = _fast_size(x.size + 2 * self.half)
         spectrum = np.fft.rfft(x, size) * _response(self, size)
         return np.fft.irfft(spectrum, size)[self.half : self.half + x.size]
+
+    def at(self, x: Array, rows: NDArray[np.int64]) -> Array:
+        """The same at some of `rows` alone: of a long stretch their sums take less than a transform of all of it."""
+        kernel = self.kernel()
+        if rows.size * kernel.size > _AS_LONG * x.size:
+            return self(x)[rows]
+        return np.lib.stride_tricks.sliding_window_view(x, kernel.size)[rows - self.half] @ kernel
 
 
 def _fast_size(least: int) -> int:
