@@ -14,7 +14,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.effects import kind_of
+from dsd_cli.effects import Role, get_effect, kind_of
 from dsd_cli.identify.fit.bank import Term, has_friction
 from dsd_cli.identify.fit.driven_load import both_driven
 from dsd_cli.identify.fit.problem import Problem, asked_of_all, pose
@@ -156,8 +156,9 @@ def _kept(search: Search, settings: Settings) -> Fit | None:
 
 
 def identified_only(search: Search, whole: Fit) -> Fit:
-    """The set without further effects of a kind of which no force is identified: what is left at stops and turns
-    repeats with the motion, and is a sum of lines to any accuracy, but the rows that identify values do not have it."""
+    """The set without effects that were found among lines of which no force is identified: what is left at stops and
+    turns repeats with the motion, and is a sum of lines to any accuracy, but the rows that identify values do not have
+    it; nor do fast moves one that is a few counts of an encoder long."""
     while (told := _told(search, whole)) is not whole:
         whole = search.settled(told)
     return whole
@@ -165,9 +166,9 @@ def identified_only(search: Search, whole: Fit) -> Fit:
 
 def _told(search: Search, whole: Fit) -> Fit:
     """Without those, one after the other, shapes as they are; the same fit if there are none."""
-    while any(kind_of(t.id) != t.id for t in search.added(whole.terms)):
+    while lines := [t for t in search.added(whole.terms) if t.effect.periods is not None]:
         estimates = search.problem.values(whole, as_found=True).estimates
-        sizes = {t: _deviations(t, estimates) for t in search.added(whole.terms) if kind_of(t.id) != t.id}
+        sizes = {t: deviations(t.id, estimates) for t in lines}
         least = min(sizes, key=lambda t: sizes[t])
         if sizes[least] > POLICY.value_deviations:
             break
@@ -175,12 +176,15 @@ def _told(search: Search, whole: Fit) -> Fit:
     return whole
 
 
-def _deviations(term: Term, estimates: Estimates) -> float:
-    """Standard errors by which the largest force of an effect is away from 0; angles are none."""
-    names = [p.name for p in term.effect.parameters if p.linear and p.unit != "rad"]
-    found = [estimates[f"{term.id}.{name}"] for name in names]
+def deviations(effect_id: str, estimates: Estimates) -> float:
+    """Standard errors by which the largest force of an effect is away from 0, or of one that adds none the surest of
+    its values: a wave of no force has a length, and an angle, to many. Infinite where nothing is estimated."""
+    effect = get_effect(effect_id)
+    adds = effect.role in (Role.APPLIED, Role.FRICTION)
+    forces = [p for p in effect.parameters if not adds or (p.linear and p.unit != "rad")]
+    found = [e for p in forces if (e := estimates.get(f"{effect_id}.{p.name}")) is not None]
     told = (math.inf if e.held else abs(e.value) / e.std_error for e in found if e.held or e.std_error > 0.0)
-    return max(told, default=0.0)
+    return max(told, default=0.0 if found else math.inf)
 
 
 def _on_all(task: Task, search: Search, whole: Fit) -> tuple[Search, Fit]:

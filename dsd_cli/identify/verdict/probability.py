@@ -19,6 +19,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
+from dsd_cli.identify.search.long_logs import deviations
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.belief import UnnamedLaws, shared_belief
 from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise
@@ -130,11 +131,9 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
 
 
 def _told(search: Search, whole: Fit, effect_id: str) -> bool:
-    """Whether any value of an effect, beside all that was found, is away from 0 by more than its standard error makes
+    """Whether a force of an effect, beside all that was found, is away from 0 by more than its standard error makes
     likely: a gain without a value comes from what the errors count as unknown."""
-    estimates = search.problem.values(whole).estimates
-    own = [e for name, e in estimates.items() if name.startswith(f"{effect_id}.")]
-    return not own or any(e.held or abs(e.value) > POLICY.told_deviations * e.std_error for e in own)
+    return deviations(effect_id, search.problem.values(whole).estimates) > POLICY.told_deviations
 
 
 def _of_position(effect_id: str) -> bool:
