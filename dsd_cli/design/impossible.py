@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from itertools import product
 
-from dsd_cli.design.measure import Measure
+from dsd_cli.design.measure import ENOUGH, Measure
 from dsd_cli.design.optimise import Sized
 from dsd_cli.design.results import Impossible
-from dsd_cli.design.targets import GAIN, Targets
+from dsd_cli.design.targets import GAIN, Targets, apart
 from dsd_cli.effects import catalogue, find_effect, kind_of
 from dsd_cli.identify.results import DELAY, INERTIA, Diagnosis
 from dsd_cli.identify.search.sets import Search
@@ -38,7 +38,8 @@ def not_by_motion(search: Search, targets: Targets, diagnosis: Diagnosis | None)
 
 
 def told_by_none(measure: Measure, library: Sequence[Sized]) -> tuple[list[Impossible], Measure]:
-    """Targets that no motion of the library identifies in two minutes, and the measure without them."""
+    """Targets that no motion of the library identifies in two minutes, and the measure without them; without any where
+    the logs hold all others already: then no motion is of use."""
     best: dict[str, float] = {}
     for one in library:
         times = max(_PATIENCE / one.part.seconds, 1.0)
@@ -46,7 +47,18 @@ def told_by_none(measure: Measure, library: Sequence[Sized]) -> tuple[list[Impos
             best[name] = max(best.get(name, 0.0), nats)
     lost = [name for name in measure.open if best.get(name, 0.0) < _LEAST]
     once = [name for name in sorted(lost) if _turned(name) not in lost or name <= _turned(name)]  # not both directions
-    return [Impossible(*_said(name, lost)) for name in once], measure.without(lost)
+    rest = measure.without(lost)
+    if lost and rest.open and rest.smallest(rest.nothing) >= ENOUGH:
+        rest = rest.without(tuple(rest.open))
+    return [Impossible(*_said(name, lost)) for name in once], rest
+
+
+def beyond_u(asked: Targets, able: Targets) -> list[Impossible]:
+    """Pairs that the user asked for, one side of which u cannot move as the logs have it: no motion is for them."""
+    names, left = [[e.name for e in some.explanations] for some in (asked, able)]
+    gone = [(names[a], names[b]) for a, b in asked.pairs if not {names[a], names[b]} <= {*left}]
+    remedy = "as these logs have them, u within its limit does not move the axis with one: take a log that moves more"
+    return [Impossible(" or ".join(apart(*pair)), remedy) for pair in gone] if asked.asked else []
 
 
 def _turned(name: str) -> str:

@@ -2,22 +2,24 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 
 from dsd_cli.design.able import able_to_move
 from dsd_cli.design.closed_loop import Loop, Run, UnstableLoopError, run_loop, usual_loops
-from dsd_cli.design.impossible import not_by_motion, told_by_none
+from dsd_cli.design.impossible import beyond_u, not_by_motion, told_by_none
 from dsd_cli.design.inverse import Path, command_for
 from dsd_cli.design.limits import Limits, TooNarrowError, limits_of
 from dsd_cli.design.measure import Measure
 from dsd_cli.design.motions import Room
 from dsd_cli.design.next_log import expected_of
+from dsd_cli.design.optimise import Sized
 from dsd_cli.design.plan import Wanted, plan_next
 from dsd_cli.design.results import Plan
-from dsd_cli.design.targets import targets_of
+from dsd_cli.design.targets import targets_of, within_reach
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
@@ -513,6 +515,56 @@ def test_what_no_motion_of_all_that_were_tried_tells_is_said(tied: Asked) -> Non
     (one,) = lost
     assert set(one.what.split(" or ")) == {"gravity", "constant_load"}
     assert "half a turn" in one.remedy
+
+
+@dataclass
+class Nats:
+    """A measure of targets: nats by the logs, and with a motion."""
+
+    now: dict[str, float]
+    then: dict[str, float]
+    nothing: bool = False
+
+    @property
+    def open(self) -> frozenset[str]:
+        return frozenset(self.now)
+
+    def expected(self, planned: bool) -> bool:
+        return planned
+
+    def nats(self, planned: bool) -> dict[str, float]:
+        return {name: (self.then if planned else self.now)[name] for name in self.now}
+
+    def smallest(self, planned: bool) -> float:
+        return min(self.nats(planned).values())
+
+    def without(self, names: tuple[str, ...]) -> "Nats":
+        return replace(self, now={name: nats for name, nats in self.now.items() if name not in names})
+
+
+@pytest.mark.parametrize(("nats", "held"), [(9500.0, True), (20.0, False)])
+@pytest.mark.parametrize("told", [0.0, 100.0])
+def test_where_no_motion_settles_a_tie_and_the_logs_hold_the_rest_nothing_is_moved_for(
+    nats: float, held: bool, told: float
+) -> None:
+    """A spring or a cubic one, beside "a spring, not nothing", which the logs hold: a further motion would be for what
+    is sure already, unless it settles the tie."""
+    measure = Nats({"spring, not cubic": 1.0, "spring, not none": nats}, {"spring, not cubic": told})
+    measure.then["spring, not none"] = 2.0 * nats
+    motion = SimpleNamespace(part=SimpleNamespace(seconds=120.0), products=True)
+    lost, rest = told_by_none(cast(Measure, measure), cast(list[Sized], [motion]))
+    assert [one.what for one in lost] == ([] if told else ["spring, not cubic"])
+    assert len(rest.open) == (2 if told else 0 if held else 1)
+
+
+def test_an_asked_pair_of_which_u_moves_one_side_only_is_said(tied: Asked) -> None:
+    names = ("constant_load", "gravity")
+    targets = targets_of(tied.search, tied.whole, tied.diagnosis, names)
+    able = within_reach(targets, [i == 0 for i in range(len(targets.explanations))])
+    (one,) = beyond_u(targets, able)
+    assert set(one.what.split(" or ")) == set(names)
+    assert not beyond_u(targets, targets)
+    assert not beyond_u(replace(targets, asked=()), able)
 
 
 def test_a_u_that_cannot_hold_the_axis_is_refused(tied: Asked) -> None:
