@@ -330,9 +330,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     parser.add_argument("--first", type=int, default=0, help="number of the first log")
     parser.add_argument("--more", action="store_true", help="add to the rows of earlier runs")
     parser.add_argument("--page", action="store_true", help="write the figures of what was asked into the page")
+    parser.add_argument("--block", default="rig", help="which marked part of the page: rig, or fresh")
     options = parser.parse_args(arguments)
     if options.page:
-        put(PAGE, "rig", figures(_kept_rows()))
+        put(PAGE, options.block, figures(_kept_rows()))
         return
     asked, most = lambda c, kind: one(c, kind, old=len(before) + len(rows) < options.old), options.most
     for name in ("limits", "impossible"):

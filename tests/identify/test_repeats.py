@@ -1,12 +1,16 @@
 """Several lines of one kind in a search: names, what tells them apart, and which one comes first."""
 
+import math
+from dataclasses import replace
+
 import pytest
 
 from dsd_cli.effects import Ranges
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import Settings, pose
-from dsd_cli.identify.search.long_logs import identified_only
+from dsd_cli.identify.results import Estimate
+from dsd_cli.identify.search.long_logs import deviations, identified_only
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import apart, names_to_try, refined, renamed
 from dsd_cli.identify.verdict.diagnose import strongest_first
@@ -82,9 +86,30 @@ def test_a_name_of_which_the_user_knows_something_stays(search):
     assert strongest_first(told, whole) == (whole, [])
 
 
-def test_a_line_of_which_no_force_is_told_is_dropped(search):
-    at = search.fit((line("cogging", 13.0), line("cogging_2", 21.0), line("cogging_3", 29.3)), search.refit.tap)
+@pytest.mark.parametrize("periods", [(13.0, 21.0, 29.3), (29.3, 13.0, 21.0)], ids=["a later one", "the first"])
+def test_a_line_of_which_no_force_is_told_is_dropped(search, periods):
+    terms = tuple(line(name, n) for name, n in zip(("cogging", "cogging_2", "cogging_3"), periods, strict=True))
+    at = search.fit(terms, search.refit.tap)
     assert [t.shape["periods"] for t in identified_only(search, at).terms] == pytest.approx([13.0, 21.0], rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "told"),
+    [
+        ("cogging", {"amplitude": (0.005, 0.004), "periods": (995.0, 1.6), "phase": (1.5, 0.1)}, 1.25),
+        ("stribeck_friction", {"excess": (0.02, 0.01), "velocity": (1.0, 0.1)}, 2.0),
+        ("dead_zone", {"width": (0.3, 0.1)}, 3.0),
+        ("flexible_coupling", {"frequency": (8.0, 2.0), "load_share": (0.2, 0.2), "damping": (0.1, 0.2)}, 4.0),
+        ("coulomb_friction", {"level": (1.0, 0.0)}, 0.0),
+        ("external_force", {}, math.inf),
+    ],
+)
+def test_an_effect_is_told_by_its_force_where_it_has_one(effect, values, told):
+    """A wave that is not there has a length, and an angle, that many standard errors are away from 0."""
+    estimates = {f"{effect}.{name}": Estimate(value, error, "") for name, (value, error) in values.items()}
+    assert deviations(effect, estimates) == pytest.approx(told)
+    held = {name: replace(e, held=True) for name, e in estimates.items()}
+    assert deviations(effect, held) == math.inf
 
 
 def test_a_shape_is_not_searched_where_another_line_is(search):
