@@ -145,9 +145,14 @@ class _Climb:
 
     def up_with(self, last: Diagnosis, taken: Candidate) -> PlantModel | None:
         """The model with an effect that lowers the held-out error, alone or beside the set; None if it does not."""
+        chosen, before = taken.effect, self.steps[-1].model
+        if taken.of_excerpt:  # what a user takes is fitted to all rows
+            added = self._added(chosen, self.settings)
+            if added is None:
+                return None
+            taken = replace(taken, model=added.model, score=added.after, all_values=added.estimates)
         assert taken.score is not None
         assert taken.model is not None
-        chosen, before = taken.effect, self.steps[-1].model
         if not self.lowered_by(taken.score, -POLICY.response_rise if taken.seen else 0.0):
             beside = self._beside_the_set(last, chosen)
             if beside is None:
@@ -176,7 +181,10 @@ class _Climb:
         if whole is None or len(last.found) < 2 or chosen not in last.found or {INERTIA, DELAY} & set(known.names):
             return None
         held = replace(known, fixed={**known.fixed, INERTIA: whole.inertia, DELAY: whole.delay})
-        asked = replace(self.settings, known=held)
+        return self._added(chosen, replace(self.settings, known=held))
+
+    def _added(self, chosen: str, asked: Settings) -> Addition | None:
+        """An effect fitted to all rows beside what stands; None if that does not lower the held-out error."""
         recordings = with_levels(self.recordings, [one.deviations for one in self.levels])
         try:
             added = add_effect(recordings, self.steps[-1].model, self.observer, chosen, asked, self.holdout)

@@ -76,6 +76,7 @@ class Candidate:
     model, score, all_values : of the model with the effect in it and everything fitted.
     seen : {parameter: (value, standard error)} that the response above the band identified; the balance may not show
         it.
+    of_excerpt : the values are those of the excerpt that was searched; the errors are still of all rows.
     """
 
     effect: str
@@ -91,6 +92,7 @@ class Candidate:
     score: Score | None = None
     all_values: Estimates = field(default_factory=dict)
     seen: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    of_excerpt: bool = False
 
 
 @dataclass(frozen=True)

@@ -241,4 +241,6 @@ def biased_by_noise(
     seen: Seen, model: PlantModel, observer: ObserverSettings | None = None, known: Collection[str] = ()
 ) -> list[Finding]:
     """Values of the model that noise in the loop biases in any fit, but for those that are `known` from elsewhere."""
+    if seen.errors:  # then no value is looked at
+        return []
     return _leaning([one for one in check_parameters(seen.view, model, observer) if one.name not in known])

@@ -48,10 +48,6 @@ class Units(NamedTuple):
         own, count = lru_cache(maxsize=1)(self.column), other.size
         return Units(self.size * count, lambda i: own(i // count) * other.column(i % count))
 
-    def together(self) -> Array:
-        """Shape (n, size)."""
-        return np.column_stack([self.column(i) for i in range(self.size)])
-
 
 def basis(
     inputs: Sequence[Regressors], channels: Sequence[str], counts: Sequence[int], apart: float = APART

@@ -15,7 +15,7 @@ from functools import cached_property
 import numpy as np
 
 from dsd_cli.effects import Role, get_effect, kind_of
-from dsd_cli.identify.fit.bank import Term, has_friction
+from dsd_cli.identify.fit.bank import has_friction
 from dsd_cli.identify.fit.driven_load import both_driven
 from dsd_cli.identify.fit.problem import Problem, asked_of_all, pose
 from dsd_cli.identify.fit.solve import Fit

@@ -242,8 +242,8 @@ class Verdict:
         tested.sort(key=lambda one: (one[0].effect != self.named, one[1].heldout_rmse))
         best = next((o for o, _ in tested if o.effect not in self.members), None)
         found = [self._candidate(o, refitted, errors, first=o is best) for o, errors in tested]
-        nan, untested = math.nan, self.problem.untestable.items()
-        untestable = [Candidate(name, nan, nan, nan, 0.0, {}, untestable=reason) for name, reason in untested]
+        no, why = math.nan, self.problem.untestable
+        untestable = [Candidate(name, no, no, no, 0.0, {}, untestable=why[name]) for name in why]
         own = [replace(c, heldout_rmse_before=score.heldout_rmse) for c in self.own.candidates]
         lead = own if self.own.wrong and not self.members and not self.shown.by_contacts else []
         return (*lead, *found, *(c for c in own if c not in lead), *untestable)
@@ -251,8 +251,9 @@ class Verdict:
     def _candidate(self, option: Option, refitted: Score, score: Score, *, first: bool) -> Candidate:
         """first : least error of those not found. What is surely not there is not worth all rows: those searched do."""
         likely, fit, part = self._probability(option.effect), option.fit, self.search.excerpt
-        shown = first or likely > 1.0 - POLICY.surest or option.effect in (self.named, self.doubted, *self.members)
-        known = self.problem.values(fit) if shown or part is None else part.problem.values(part.fit(fit.terms, fit.tap))
+        if first or likely > 1.0 - POLICY.surest or option.effect in (self.named, self.doubted, *self.members):
+            part = None
+        known = self.problem.values(fit) if part is None else part.problem.values(part.fit(fit.terms, fit.tap))
         rivals, prefix = self._rivals(option.effect), f"{option.effect}."
         values = {name.removeprefix(prefix): e for name, e in known.estimates.items() if name.startswith(prefix)}
         if any(name.startswith(prefix) for name in known.tied):
@@ -275,6 +276,7 @@ class Verdict:
             model=known.model,
             score=score,
             all_values=known.estimates,
+            of_excerpt=part is not None,
         )
 
     def _rivals(self, effect: str) -> tuple[str, ...]:
