@@ -10,9 +10,9 @@ from dsd_cli.identify.fit.bank import SHARE, Term
 from dsd_cli.identify.fit.noise_fit import Noise
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.search import preference
+from dsd_cli.identify.search import evidence
+from dsd_cli.identify.search.evidence import preferred
 from dsd_cli.identify.search.long_logs import Task, searched_as_is
-from dsd_cli.identify.search.preference import preferred
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict import limits
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
@@ -240,8 +240,8 @@ def test_terms_that_go_round_in_a_circle_end_where_they_began(monkeypatch):
     """Simpler than one, commoner than another, which is commoner than the first: a log ended in a RecursionError."""
     sets = [SimpleNamespace(terms=(Term(name),)) for name in ("gravity", "constant_load", "stiffness")]
     following = dict(zip((s.terms for s in sets), (*sets[1:], sets[0]), strict=True))
-    monkeypatch.setattr(preference, "_one_commoner", lambda _, fit: following[fit.terms])
-    assert preference.in_common_terms(None, sets[1]) is sets[1]
+    monkeypatch.setattr(evidence, "_one_commoner", lambda _, fit: following[fit.terms])
+    assert evidence.in_common_terms(None, sets[1]) is sets[1]
 
 
 def test_the_error_of_a_filter_beside_columns_that_are_nearly_one_is_a_number():

@@ -16,8 +16,7 @@ from dsd_cli.identify.fit.bank import Term, Terms, has_friction
 from dsd_cli.identify.fit.direction import best_delay
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.search.evidence import Evidence
-from dsd_cli.identify.search.preference import Option, in_common_terms, preferred
+from dsd_cli.identify.search.evidence import Evidence, Option, in_common_terms, preferred
 from dsd_cli.identify.search.shapes import Lines, apart, names_to_try, refined, starts
 from dsd_cli.signals.once import once
 

@@ -21,10 +21,9 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.search.long_logs import deviations
 from dsd_cli.identify.search.sets import Option, Search
-from dsd_cli.identify.verdict.belief import UnnamedLaws, shared_belief
+from dsd_cli.identify.verdict.belief import PLACE, UnnamedLaws, shared_belief
 from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise
 from dsd_cli.identify.verdict.limits import Limits
-from dsd_cli.identify.verdict.places import PLACE
 from dsd_cli.identify.verdict.pushes import pushes_leave_more
 
 #: Name of the alternative without any further effect.
