@@ -1,18 +1,33 @@
-"""What no motion identifies, found by trying: the best of all that were tried would need more time than anyone has."""
+"""What no motion identifies: explanations that u cannot move or hold, and what the best of all motions that were tried
+would need more time for than anyone has."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import product
 
+import numpy as np
+
+from dsd_cli.design.explanations import Explanation
+from dsd_cli.design.inverse import Path, actuated, command_for
+from dsd_cli.design.limits import TooNarrowError
 from dsd_cli.design.measure import ENOUGH, Measure
+from dsd_cli.design.motions import ROOM, Part, Room, position_of
 from dsd_cli.design.optimise import Sized
 from dsd_cli.design.results import Impossible
-from dsd_cli.design.targets import GAIN, Targets, apart
+from dsd_cli.design.targets import GAIN, Targets, apart, within_reach
+from dsd_cli.design.verified import GENTLE
 from dsd_cli.effects import catalogue, find_effect, kind_of
+from dsd_cli.errors import DataError
 from dsd_cli.identify.results import DELAY, INERTIA, Diagnosis
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.plant.model import PlantModel
+from dsd_cli.plant.motion import Plant
 
+#: Places at which an axis is held; share of the inertia below which a motor beside its load is next to nothing.
+_PLACES, _NO_MOTOR = 50, 1e-3
 #: s of the motion that tells most, and the nats that it has to reach in that time.
 _PATIENCE, _LEAST = 120.0, 6.0
 _GAIN_TOLD = "weigh a mass, mount it and hold its inertia in the next fit (--fix inertia=...), or measure u as a force"
@@ -37,6 +52,62 @@ def not_by_motion(search: Search, targets: Targets, diagnosis: Diagnosis | None)
     return found
 
 
+def able_to_move(
+    targets: Targets, room: Room, believed: PlantModel, sample_time: float, *, far: bool = False
+) -> Targets:
+    """Without explanations by which u could not even begin to move the axis within its limit, or what it reached in the
+    logs, or, where their values are weak, could not hold it where the limits let it stand: forces that cancel out
+    where a poor log has been. And without those whose motor swings against its load more often than samples of the logs
+    show, being next to nothing of the inertia: no log speaks for that, and its simulation takes minutes.
+
+    believed : the model of the user, which takes the place of its own fit where nobody knows what that lacks.
+    far : whether the limits let it stand far from where the logs were, and nobody asked for what: one wave of cogging
+    is a weight of ten times u as well, which would be so elsewhere.
+
+    Raises
+    ------
+    DataError : the first of them is one. TooNarrowError : only the limit of u makes it one.
+    """
+    gentle = position_of(Part("harmonics", 4.0, (0.0, 1.0, 0.5, 0.0), scale=GENTLE), room)
+    path, allowed = Path.of(gentle, room.step), room.limits.u
+    still = Path(1.0, np.linspace(room.limits.low, room.limits.high, _PLACES), np.zeros(_PLACES), np.zeros(_PLACES))
+    reached = allowed if room.reached is None else max(allowed, room.reached.u)
+
+    def holds(one: Explanation, most: float) -> bool:
+        return float(np.abs(command_for(one.fitted, still, 3.0 * most)).max()) < most
+
+    def moves(one: Explanation, most: float) -> bool:
+        bare = one.fitted.motor_inertia < _NO_MOTOR * one.fitted.inertia
+        if bare and Plant(one.fitted).resonance * sample_time > math.pi:
+            return False
+        u = command_for(one.fitted, path, 3.0 * most)
+        passed = actuated(one.fitted, u, path.step).any()  # a dead zone beyond what saturates lets none of it act
+        return bool(passed) and float(np.abs(u).max()) < ROOM * most and (not one.weak or holds(one, most))
+
+    if far and not holds(targets.explanations[0], reached):
+        raise DataError("u could not hold this axis where its limits let it stand", "give narrower --limit position")
+
+    able = [moves(e, reached) for e in targets.explanations]
+    if not able[0] and targets.unknown:
+        first = replace(targets.explanations[0], draws=(believed,), weak=False)
+        targets = replace(
+            targets, explanations=(first, *targets.explanations[1:]), beside=(believed, *targets.beside[1:])
+        )
+        able[0] = moves(first, reached)
+    if not moves(targets.explanations[0], allowed):
+        said = f"u within {allowed:.3g}, its limit less its noise in the logs, does not move this axis"
+        raise (TooNarrowError if able[0] else DataError)(said, "widen --limit u, or take another --start")
+    return within_reach(targets, able)
+
+
+def beyond_u(asked: Targets, able: Targets) -> list[Impossible]:
+    """Pairs that the user asked for, one side of which u cannot move as the logs have it: no motion is for them."""
+    names, left = [[e.name for e in some.explanations] for some in (asked, able)]
+    gone = [(names[a], names[b]) for a, b in asked.pairs if not {names[a], names[b]} <= {*left}]
+    remedy = "as these logs have them, u within its limit does not move the axis with one: take a log that moves more"
+    return [Impossible(" or ".join(apart(*pair)), remedy) for pair in gone] if asked.asked else []
+
+
 def told_by_none(measure: Measure, library: Sequence[Sized]) -> tuple[list[Impossible], Measure]:
     """Targets that no motion of the library identifies in two minutes, and the measure without them; without any where
     the logs hold all others already: then no motion is of use."""
@@ -51,14 +122,6 @@ def told_by_none(measure: Measure, library: Sequence[Sized]) -> tuple[list[Impos
     if lost and rest.open and rest.smallest(rest.nothing) >= ENOUGH:
         rest = rest.without(tuple(rest.open))
     return [Impossible(*_said(name, lost)) for name in once], rest
-
-
-def beyond_u(asked: Targets, able: Targets) -> list[Impossible]:
-    """Pairs that the user asked for, one side of which u cannot move as the logs have it: no motion is for them."""
-    names, left = [[e.name for e in some.explanations] for some in (asked, able)]
-    gone = [(names[a], names[b]) for a, b in asked.pairs if not {names[a], names[b]} <= {*left}]
-    remedy = "as these logs have them, u within its limit does not move the axis with one: take a log that moves more"
-    return [Impossible(" or ".join(apart(*pair)), remedy) for pair in gone] if asked.asked else []
 
 
 def _turned(name: str) -> str:

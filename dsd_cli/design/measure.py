@@ -8,8 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.design.cases import Expected
-from dsd_cli.design.expectation import Expectation
+from dsd_cli.design.expectation import Expectation, Expected
 from dsd_cli.design.limits import Limits
 from dsd_cli.design.rows import Products
 from dsd_cli.design.targets import Targets, apart

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dsd_cli.design.cases import Expected
+from dsd_cli.design.expectation import Expected
 from dsd_cli.design.inverse import Path, command_for
 from dsd_cli.design.measure import Measure
 from dsd_cli.design.seen import as_logged

@@ -8,11 +8,10 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dsd_cli.design.able import able_to_move
-from dsd_cli.design.cases import Expected
 from dsd_cli.design.closed_loop import Loop, Run, usual_loops
+from dsd_cli.design.expectation import Expected
 from dsd_cli.design.explanations import grown
-from dsd_cli.design.impossible import beyond_u, not_by_motion, told_by_none
+from dsd_cli.design.impossible import able_to_move, beyond_u, not_by_motion, told_by_none
 from dsd_cli.design.inverse import Path, command_for
 from dsd_cli.design.limits import Limits, TooNarrowError, limits_of, slowed, unvisited, used
 from dsd_cli.design.measure import ENOUGH, Measure
@@ -115,10 +114,10 @@ class _Asked:
         search, wanted, room = self.search, self.wanted, self.room
         names, problem = [e.name for e in targets.explanations], search.problem
         far = not targets.unknown and not wanted.names and "position" in unvisited(self.limits, problem.recordings)
-        all_targets, step = targets, problem.recordings[0].sample_time
-        targets = able_to_move(targets, room, problem.model, step, far=far)
+        asked = targets
+        targets = able_to_move(asked, room, problem.model, problem.recordings[0].sample_time, far=far)
         report("looking at motions", 0.1)
-        impossible = [*not_by_motion(search, targets, self.diagnosis), *beyond_u(all_targets, targets)]
+        impossible = [*not_by_motion(search, targets, self.diagnosis), *beyond_u(asked, targets)]
         measure = Measure(search, targets, _DRAWS_IN_SEARCH, limits=self.limits)
         if targets.nothing:
             return self._answer(None, measure, measure.expected(measure.nothing), impossible)

@@ -14,9 +14,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.design.cases import other_shapes
 from dsd_cli.design.rows import Model
-from dsd_cli.effects import Ranges, Role
+from dsd_cli.effects import Ranges, Role, get_effect
 from dsd_cli.identify.fit.bank import FIXED, Term
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
@@ -24,6 +23,8 @@ from dsd_cli.signals.log import Array
 
 #: Of normal matrices of unit columns: what no double distinguishes from 0.
 _RIDGE = 1e-9
+#: Other shapes that a rival may take.
+_MOST_SHAPES = 4
 
 
 @dataclass(frozen=True)
@@ -110,3 +111,12 @@ def _of_motion(term: Term) -> bool:
     effect = term.effect
     timed = effect.listed or (effect.periods is not None and not effect.needs)
     return effect.role in (Role.APPLIED, Role.FRICTION) and not (timed or effect.memory or "u" in effect.needs)
+
+
+def other_shapes(term: Term, ranges: Ranges) -> list[Term]:
+    """The effect at a few of the starting shapes that a search over such ranges begins with, from end to end."""
+    if not term.effect.searched or term.effect.listed:
+        return []
+    starts = get_effect(term.id).starts(ranges)
+    places = np.unique(np.linspace(0, len(starts) - 1, min(_MOST_SHAPES, len(starts))).round().astype(int))
+    return [Term.of(term.id, starts[i]) for i in places]

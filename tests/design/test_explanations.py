@@ -5,10 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsd_cli.design.cases import other_shapes, ranges_within
 from dsd_cli.design.closed_loop import usual_loops
+from dsd_cli.design.expectation import ranges_within
 from dsd_cli.design.explanations import _Left, explanation_of, falling, grown
 from dsd_cli.design.limits import Limits
+from dsd_cli.design.reach import other_shapes
 from dsd_cli.effects import Ranges
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.problem import pose

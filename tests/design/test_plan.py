@@ -8,9 +8,8 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from dsd_cli.design.able import able_to_move
 from dsd_cli.design.closed_loop import Loop, Run, UnstableLoopError, run_loop, usual_loops
-from dsd_cli.design.impossible import beyond_u, not_by_motion, told_by_none
+from dsd_cli.design.impossible import able_to_move, beyond_u, not_by_motion, told_by_none
 from dsd_cli.design.inverse import Path, command_for
 from dsd_cli.design.limits import Limits, TooNarrowError, limits_of
 from dsd_cli.design.measure import Measure
