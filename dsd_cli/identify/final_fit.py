@@ -72,14 +72,7 @@ def add_effect(
     known = problem.values(fit)
     said = (*contradictions(search, fit, known.estimates), *_untold(effect_id, known.estimates))
     return Addition(
-        effect_id,
-        known.model,
-        before.score,
-        after,
-        known.estimates,
-        said,
-        before.refitted,
-        known.correlations,
+        effect_id, known.model, before.score, after, known.estimates, said, before.refitted, known.correlations
     )
 
 

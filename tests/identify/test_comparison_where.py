@@ -3,9 +3,8 @@
 import numpy as np
 import pytest
 
-from dsd_cli.identify.compare.balance import Balance, balance_of
+from dsd_cli.identify.compare.balance import Balance, balance_of, left_of_d_hat, left_of_forces
 from dsd_cli.identify.compare.evaluation import evaluate
-from dsd_cli.identify.compare.left import left_of_d_hat, left_of_forces
 from dsd_cli.identify.compare.regimes import ACROSS, regime_masks, where
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.plant.model import ObserverSettings, PlantModel

@@ -200,11 +200,7 @@ def _not_told(parameters: Sequence[Parameter]) -> list[Finding]:
 
 
 def _judged(
-    view: View,
-    model: PlantModel | None,
-    observer: ObserverSettings | None,
-    applied: Mapping[str, float],
-    maker: Maker,
+    view: View, model: PlantModel | None, observer: ObserverSettings | None, applied: Mapping[str, float], maker: Maker
 ) -> list[Finding]:
     """What can be said of a log in which something moves."""
     found, opposite = check_channels(view.stretches, view.cutoff)

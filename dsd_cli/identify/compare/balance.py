@@ -1,17 +1,19 @@
-"""What one model leaves of the balance of forces, u_eff(t - L) = J a - sum f + r, as `dsd diagnose` looks at it."""
+"""What one model leaves of the balance of forces, u_eff(t - L) = J a - sum f + r, as `dsd diagnose` looks at it, or of
+d_hat, beside what the axis does."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.errors import DataError
-from dsd_cli.identify.compare.evaluation import rms
+from dsd_cli.identify.compare.evaluation import Evaluation, rms
 from dsd_cli.identify.fit.errors import Errors
 from dsd_cli.identify.fit.problem import Problem, pose
 from dsd_cli.identify.fit.testability import Settings
@@ -19,7 +21,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import PlantModel
-from dsd_cli.signals.log import Array
+from dsd_cli.signals.log import Array, Log
 
 
 @dataclass(frozen=True)
@@ -151,3 +153,88 @@ def _force(problem: Problem, model: PlantModel) -> Force:
     score = problem.errors.of_model(model)
     fit, share = (x if math.isfinite(x) else None for x in (score.fit_percent, score.relative_error_percent))
     return Force(score.rmse, fit, share, problem.equations.band.hz, problem.floor)
+
+
+def acceleration(log: Log, time_constant: float) -> Array:
+    """Slope of the speed over a time constant to either side of each sample (two samples at least), shape (n,).
+
+    Wide, so that the noise of single differences, which is the noise of d_hat, is not in it.
+    """
+    v, t = log["velocity"], log["t"]
+    half = max(2, round(time_constant / log.sample_time))
+    index = np.arange(len(v))
+    before, after = np.maximum(index - half, 0), np.minimum(index + half, len(v) - 1)
+    return np.asarray((v[after] - v[before]) / (t[after] - t[before]))
+
+
+@dataclass(frozen=True)
+class Part:
+    """One piece of a recording.
+
+    rows : samples of `log` that count, shape (n,). errors : what is left there, unit of u.
+    series : the same every `interval` s, 0 where it does not count, shape (m,).
+    rest_speed : speed within which the axis rests.
+    """
+
+    name: str
+    log: Log
+    rest_speed: float
+    rows: NDArray[np.int_]
+    errors: Array
+    series: Array
+    interval: float
+
+
+@dataclass(frozen=True)
+class Left:
+    """All pieces.
+
+    interval : s from row to row, of the pieces with most. time_constant : over which accelerations are seen, s.
+    least : rms that matters, unit of u.
+    """
+
+    parts: tuple[Part, ...]
+    interval: float
+    time_constant: float
+    least: float = 0.0
+
+    def pooled(self, of: Callable[[Part], Array]) -> Array:
+        """`of` each piece, at the rows that count, one after the other."""
+        return np.concatenate([of(part)[part.rows] for part in self.parts])
+
+    @property
+    def errors(self) -> Array:
+        """What is left in all rows that count."""
+        return np.concatenate([part.errors for part in self.parts])
+
+    @property
+    def bias_share(self) -> float:
+        """Share of the squares that is a constant; of the least that matters where less is left."""
+        size = max(rms(self.errors), self.least)
+        return (float(self.errors.mean()) / size) ** 2 if size > 0.0 else 0.0
+
+    def of(self, name: str) -> Left:
+        """Of that recording alone."""
+        return replace(self, parts=tuple(part for part in self.parts if part.name == name))
+
+
+def left_of_forces(balance: Balance, time_constant: float) -> Left:
+    """r of the balance, in the band; rows in which friction may hold do not count."""
+    equations, parts = balance.errors.equations, []
+    of_stretches = equations.stretches, equations.owners, equations.centres, equations.row_times
+    left, counting = equations.by_stretch(balance.residual), equations.by_stretch(equations.kept)
+    for stretch, owner, centres, interval, residual, kept in zip(*of_stretches, left, counting, strict=True):
+        recording = equations.recordings[owner]
+        rest = max(balance.model.rest_speed, recording.rest_speed)
+        parts.append(Part(recording.name, stretch.log, rest, centres[kept], residual[kept], residual, interval))
+    return Left(tuple(parts), equations.band.step * equations.sample_time, time_constant, balance.least)
+
+
+def left_of_d_hat(evaluation: Evaluation) -> Left:
+    """Measured less predicted d_hat, of all samples that count."""
+    step = evaluation.sample_time
+    parts = tuple(
+        Part(s.name, s.log, s.model.rest_speed, np.arange(s.first, len(s.log)), s.errors, s.errors, step)
+        for s in evaluation.stretches
+    )
+    return Left(parts, step, evaluation.observer.time_constant)

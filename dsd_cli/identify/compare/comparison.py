@@ -5,10 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from dsd_cli.identify.compare.balance import Balance, ForceView, balance_of
+from dsd_cli.identify.compare.balance import Balance, ForceView, Left, balance_of, left_of_d_hat, left_of_forces
 from dsd_cli.identify.compare.dependence import Dependence, dependence
 from dsd_cli.identify.compare.evaluation import Accuracy, Evaluation, accuracy, evaluate
-from dsd_cli.identify.compare.left import Left, left_of_d_hat, left_of_forces
 from dsd_cli.identify.compare.regimes import Where, where
 from dsd_cli.identify.compare.residuals import LARGE, ResidualTests, residual_tests
 from dsd_cli.identify.recordings.recording import Recording

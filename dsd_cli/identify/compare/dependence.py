@@ -14,8 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.identify.compare.balance import Balance, all_rows
-from dsd_cli.identify.compare.left import acceleration
+from dsd_cli.identify.compare.balance import Balance, acceleration, all_rows
 from dsd_cli.identify.fit.bank import drive, inputs_of
 from dsd_cli.identify.fit.basis import basis
 from dsd_cli.identify.fit.equations import Equations

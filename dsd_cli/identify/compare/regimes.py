@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.identify.compare.left import Left, Part, acceleration
+from dsd_cli.identify.compare.balance import Left, Part, acceleration
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.runs import runs
 

@@ -38,10 +38,7 @@ class Units(NamedTuple):
 
     def beside(self, other: Units) -> Units:
         """These, then those."""
-        return Units(
-            self.size + other.size,
-            lambda i: self.column(i) if i < self.size else other.column(i - self.size),
-        )
+        return Units(self.size + other.size, lambda i: self.column(i) if i < self.size else other.column(i - self.size))
 
     def by(self, other: Units) -> Units:
         """All products, those of the first function first."""
