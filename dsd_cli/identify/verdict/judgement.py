@@ -179,12 +179,12 @@ class Verdict:
         """The whole answer."""
         problem, verdict, score, refitted = self.problem, self.named, self.own.score, self.own.refitted
         left, said = said_of_left(self.search, self.whole), (*self.shown.warnings, *self.own.said)
-        ranking = self._ranking(score, refitted)
+        nearest = self._nearest()
+        ranking = self._ranking(score, refitted, nearest)
         named = next((c for c in ranking if c.effect == verdict), None)
         fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
-        known, given, nearest = problem.values(fit), self.shown.given or self.search, self._nearest()
+        known, given, several = problem.values(fit), self.shown.given or self.search, len(self.members) > 1
         refit = given.problem.values(given.refit)
-        near, several = "" if self.doubted else nearest, len(self.members) > 1
         joint = problem.values(self.whole) if several else known
         unknown, source, own = self.beyond.unknown, problem.recordings[0].provenance, verdict in problem.model.effects
         one = self.seen is not None or verdict == self.own.wrong != ""
@@ -198,7 +198,7 @@ class Verdict:
             refitted=refitted,
             ranking=ranking,
             ceiling=Ceiling(self.beyond.heldout_rmse, self.beyond.on),
-            advice=advice_for(verdict, named, unknown, self.beyond.on, source, near, own),
+            advice=advice_for(verdict, named, unknown, self.beyond.on, source, "" if self.doubted else nearest, own),
             estimates=joint.estimates,
             correlations=joint.correlations,
             given=problem.model,
@@ -237,22 +237,22 @@ class Verdict:
         likely = best.evidence > self.search.evidence(refit) and after < (1.0 - POLICY.clear_fall) * before
         return best.effect if likely and self._lowers(best.effect) else ""
 
-    def _ranking(self, score: Score, refitted: Score) -> tuple[Candidate, ...]:
+    def _ranking(self, score: Score, refitted: Score, nearest: str) -> tuple[Candidate, ...]:
         tested = [(o, self.problem.score(o.fit)) for o in self.alone.values()]
         tested.sort(key=lambda one: (one[0].effect != self.named, one[1].heldout_rmse))
-        best = next((o for o, _ in tested if o.effect not in self.members), None)
-        found = [self._candidate(o, refitted, errors, first=o is best) for o, errors in tested]
-        no, why = math.nan, self.problem.untestable
-        untestable = [Candidate(name, no, no, no, 0.0, {}, untestable=why[name]) for name in why]
+        others = [o.effect for o, _ in tested if o.effect not in self.members]
+        shown = {self.named, self.doubted, nearest, *others[:1], *self.members}
+        found = [self._candidate(o, refitted, errors, shown=o.effect in shown) for o, errors in tested]
+        no = 3 * (math.nan,)
+        untestable = [Candidate(name, *no, 0.0, {}, untestable=why) for name, why in self.problem.untestable.items()]
         own = [replace(c, heldout_rmse_before=score.heldout_rmse) for c in self.own.candidates]
-        lead = own if self.own.wrong and not self.members and not self.shown.by_contacts else []
-        return (*lead, *found, *(c for c in own if c not in lead), *untestable)
+        leads = self.own.wrong and not self.members and not self.shown.by_contacts
+        return (*own, *found, *untestable) if leads else (*found, *own, *untestable)
 
-    def _candidate(self, option: Option, refitted: Score, score: Score, *, first: bool) -> Candidate:
-        """first : least error of those not found. What is surely not there is not worth all rows: those searched do."""
-        likely, fit, part = self._probability(option.effect), option.fit, self.search.excerpt
-        if first or likely > 1.0 - POLICY.surest or option.effect in (self.named, self.doubted, *self.members):
-            part = None
+    def _candidate(self, option: Option, refitted: Score, score: Score, *, shown: bool) -> Candidate:
+        """What is surely not there, and not shown, is not worth all rows: those that were searched do."""
+        likely, fit = self._probability(option.effect), option.fit
+        part = None if shown or likely > 1.0 - POLICY.surest else self.search.excerpt
         known = self.problem.values(fit) if part is None else part.problem.values(part.fit(fit.terms, fit.tap))
         rivals, prefix = self._rivals(option.effect), f"{option.effect}."
         values = {name.removeprefix(prefix): e for name, e in known.estimates.items() if name.startswith(prefix)}
@@ -260,7 +260,7 @@ class Verdict:
             rivals = (*rivals, INERTIA)
         notes = [f"{name} stands on its bound" for name, e in values.items() if e.at_bound]
         notes += [f"not identifiable from this log: {name}" for name, e in values.items() if math.isnan(e.std_error)]
-        seen = self.seen if self.seen is not None and self.seen.effect == option.effect else None
+        seen = self.seen if self.seen and self.seen.effect == option.effect else None
         if seen is not None:  # the load is driven by the values that are written, as in `dsd compare`
             notes.append(note_on(seen, self.search.equations.band.hz))
             own = self.problem.errors_for(known.model, self.problem.recordings).of_model(known.model)
@@ -297,5 +297,4 @@ class Verdict:
         if not self.members:
             likely = probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)
             return likely if self.named != UNKNOWN or self._lowers(effect) else 0.0
-        places = self.members.values()  # what is in a member's place stands in for something as well
-        return max(probability_of(m, m.belief(effect), self.surest) for m in places)
+        return max(probability_of(m, m.belief(effect), self.surest) for m in self.members.values())  # stands in for one
