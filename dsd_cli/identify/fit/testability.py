@@ -184,7 +184,8 @@ def _own(rows: Array, at: slice, weights: Array) -> float:
     """Squares of what some of the rows, shape (1 + p, N), add up to beside all others (but the first)."""
     others = np.delete(rows, at, axis=0)[1:]
     size = np.maximum(np.linalg.norm(others, axis=1, keepdims=True), 1e-300)
-    basis = np.linalg.svd(others / size, full_matrices=False)[2]
+    _, strengths, basis = np.linalg.svd(others / size, full_matrices=False)
+    basis = basis[strengths > strengths.max(initial=0.0) * rows.shape[1] * np.finfo(float).eps]  # others may be alike
     force = weights @ rows[at]
     return float(np.sum((force - (basis @ force) @ basis) ** 2))
 
