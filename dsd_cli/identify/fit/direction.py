@@ -18,6 +18,7 @@ from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import INERTIA, Bank, Terms
 from dsd_cli.identify.fit.blocks import total_gram, without_noise
 from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.row_weights import shared_inflation
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.policy import POLICY
@@ -95,7 +96,8 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
 
     The likelihood is that of what is left, of unknown variance, N/2 ln SSE. In a motion of few frequencies u of half a
     period ago is as good as u now, with the other sign: each `POLICY.least_delay_range` between a delay and the
-    believed one costs a nat.
+    believed one costs a nat. A force that lasts for seconds and is in no law colours what is left: u of a while ago
+    explains some of that by chance, and a far delay is taken only where what it gains beyond chance is worth it.
 
     near : the best delay of nearly the same rows; all are tried only where the best one is not around it.
     believed : s.
@@ -103,10 +105,12 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
     allowed = solver.taps(most_tap)
     first, last = allowed[0], allowed[-1]
 
+    def distance(tap: int) -> float:
+        return abs(tap * solver.bank.tap_time - believed) / POLICY.least_delay_range
+
     def price(tap: int, keep: bool = False) -> float:
         left = max(solver.squares(terms, tap, keep=keep), 1e-300)
-        distance = abs(tap * solver.bank.tap_time - believed)
-        return 0.5 * solver.bank.equations.counted * math.log(left) + distance / POLICY.least_delay_range
+        return 0.5 * solver.bank.equations.counted * math.log(left) + distance(tap)
 
     known = {first: price(first, keep=True)}  # keeps the columns that do not depend on the delay
 
@@ -125,6 +129,20 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
     while True:
         best = min(tried, key=nats)
         if step == 1:
-            return best
+            break
         tried = range(max(best - step, first), min(best + step, last) + 1, max(step // 4, 1))
         step = max(step // 4, 1)
+    near_by = [tap for tap in allowed if distance(tap) < 1.0]
+    if best in near_by or not near_by:
+        return best
+    here = min(near_by, key=nats)
+    further = distance(best) - distance(here)
+    gained = (nats(here) - nats(best) + further) / _by_chance(solver, terms, here, best)
+    return best if gained > further else here
+
+
+def _by_chance(solver: Solver, terms: Terms, here: int, best: int) -> float:
+    """How many times more one delay explains by chance, of what is left at it, than of white noise (Bartlett)."""
+    fits, kept = (solver.fit(terms, tap) for tap in (here, best)), solver.bank.equations.kept
+    was, left = (fit.forward @ np.stack(solver.bank.design(terms, fit.tap).rows) for fit in fits)
+    return max(shared_inflation(left[kept], (was - left)[kept]), 1.0)

@@ -34,14 +34,19 @@ def event_effect(search: Search) -> str | None:
     return next((name for name in search.allowed if get_effect(name).listed), None)
 
 
-def with_pulses(search: Search, fit: Fit) -> Fit | None:
-    """A fit and the pulses that its residual shows, their edges to a row; None if it shows none, or may have none."""
+def with_pulses(search: Search, fit: Fit, shown_by: Array | None = None) -> Fit | None:
+    """A fit and the pulses that its residual shows, their edges to a row; None if it shows none, or may have none.
+
+    shown_by : a residual to begin with in place of that of the fit, shape (N,), 0 in rows that do not count.
+    """
     effect = event_effect(search)
     if effect is None:
         return None
     errors = search.problem.errors
-    for _ in range(ROUNDS):
-        edges = _pulses(search, fit, errors.residual(_without_pulses(fit), held_out=False))
+    for i in range(ROUNDS):
+        if shown_by is None or i > 0:
+            shown_by = errors.residual(_without_pulses(fit), held_out=False)
+        edges = _pulses(search, fit, shown_by)
         if not edges:
             return None
         term = Term.of(effect, {"edges": edges})

@@ -19,7 +19,6 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
-from dsd_cli.identify.search.long_logs import deviations
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.belief import PLACE, UnnamedLaws, shared_belief
 from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise
@@ -130,9 +129,14 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
 
 
 def _told(search: Search, whole: Fit, effect_id: str) -> bool:
-    """Whether a force of an effect, beside all that was found, is away from 0 by more than its standard error makes
-    likely: a gain without a value comes from what the errors count as unknown."""
-    return deviations(effect_id, search.problem.values(whole).estimates) > POLICY.told_deviations
+    """Whether all values of an effect, beside all that was found, are away from 0 by more than their standard errors
+    make likely: a gain without a value comes from what the errors count as unknown. A line of amplitude 0 is none,
+    whatever its frequency, and friction that builds up over no way that is known is Coulomb's. Of a load any value."""
+    effect, estimates = get_effect(effect_id), search.problem.values(whole).estimates
+    own = [p.name for p in effect.parameters if not p.whole_turn and p.name not in effect.broad]
+    known = [e for name in own if (e := estimates.get(f"{effect_id}.{name}")) is not None]
+    every = any if effect.role is Role.STRUCTURE else all
+    return not known or every(e.held or abs(e.value) > POLICY.told_deviations * e.std_error for e in known)
 
 
 def _of_position(effect_id: str) -> bool:

@@ -71,10 +71,13 @@ def _pushes_alone(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit,
     sensor's noise is left, beside one law, too: it hides the pushes, and they it.
 
     Pushes can also stand in for laws that no catalogue has (a brake, an end stop); these leave 5 to 50 times the floor.
+    They are looked for in what all functions of the motion leave of u, too: a push that lasts is most of u there, and
+    the motion by u, which it hides in, shows no law beside it, nor it.
     """
-    if not search.added(whole.terms):
-        return None
-    tried = [with_pulses(search, search.refit)]
+    motion = search.fit(search.problem.beside, search.refit.tap)
+    tried = [with_pulses(search, motion, _left_of_u(search, motion))]
+    if search.added(whole.terms):
+        tried.append(with_pulses(search, search.refit))
     if beyond.unknown or above_floor(search, whole):
         laws = [o.fit for o in search.options(search.refit) if get_effect(o.effect).role is not Role.STRUCTURE]
         tried += [with_pulses(search, fit) for fit in laws[:_LAWS]]
@@ -90,6 +93,13 @@ def _pushes_alone(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit,
         return None
     then = discrepancy_of(search, found)
     return None if then.unknown and not beyond.unknown else (found, then)
+
+
+def _left_of_u(search: Search, fit: Fit) -> Array:
+    """What a fit of u by the motion leaves, unit of u, shape (N,), 0 in rows that do not count."""
+    errors = search.problem.errors
+    drive, *columns = errors.bank.rows(fit.terms, fit.tap)
+    return np.asarray((drive - fit.total @ np.stack(columns)) * errors.equations.kept)
 
 
 def _hopeless(search: Search, pulses: Fit, whole: Fit) -> bool:
