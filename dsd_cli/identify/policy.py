@@ -96,7 +96,7 @@ class Policy:
     path_rounds: int = 6  # in which the path of one set settles: each halves a step that would go too far
     most_drift: float = 0.7  # of the range of the position, by which it may drift and still be used
     most_travel: float = 1.5  # times the least travel of any speed offset: an axis that works comes back
-    told_deviations: float = 2.0  # standard errors that some force of an effect must be away from 0
+    told_deviations: float = 2.0  # standard errors that the values of an effect must be away from 0
 
     # -- a resonance above the band --
     response_lowest_share: float = 0.25  # of the band's end, from which on the response is looked at

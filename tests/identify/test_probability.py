@@ -244,3 +244,18 @@ def test_belief_in_a_place_is_shared_by_what_ties_there(shares: list[float], riv
     assert beliefs["a"] >= max(likely["a"], member.place / (1 + len(rivals)) - 1e-12)
     assert all(beliefs["a"] + beliefs[rival] <= member.place + 1e-12 for rival in rivals)
     assert beliefs["d"] == likely["d"]
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "wanted"),
+    [
+        ("periodic_disturbance", {"amplitude": (0.4, 0.6), "frequency": (0.91, 0.04), "phase": (0.1, 2.0)}, False),
+        ("periodic_disturbance", {"amplitude": (0.4, 0.1), "frequency": (0.91, 0.04), "phase": (0.1, 2.0)}, True),
+        ("presliding_friction", {"level": (0.24, 0.02), "stiffness": (224.0, 174.0)}, False),
+        ("backlash", {"gap": (0.02, 0.001), "load_share": (0.4, 0.3), "stiffness": (9e3, 9e4)}, True),
+    ],
+)
+def test_an_effect_is_told_by_all_its_values_and_a_load_by_any(name, values, wanted):
+    estimates = {f"{name}.{k}": SimpleNamespace(value=x, std_error=e, held=False) for k, (x, e) in values.items()}
+    problem = SimpleNamespace(values=lambda _: SimpleNamespace(estimates=estimates))
+    assert probability._told(SimpleNamespace(problem=problem), None, name) is wanted

@@ -6,11 +6,18 @@ import pytest
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.verdict.discrepancy import discrepancy_of
 from dsd_cli.identify.verdict.pushes import _of_place, law_of_pushes, pushed
+from dsd_cli.plant.references import Multisine
 from tests.identify.outside_rig import diagnosed
 from tests.identify.search_rig import T, posed
 from tests.identify.test_discrepancy import disturbed
 
 PUSHES = {"external_force": {"events": [{"start": 3.0, "end": 3.4, "force": 0.5}]}}
+
+SLOPE = {
+    "coulomb_friction": {"level": 0.3},
+    "viscous_friction": {"coefficient": 0.05},
+    "external_force": {"events": [{"start": 4.0, "end": 7.0, "force": -0.5}]},
+}
 
 
 def test_a_push_is_found_where_it_was_and_nothing_is_left_then():
@@ -24,6 +31,18 @@ def test_a_push_is_found_where_it_was_and_nothing_is_left_then():
     assert end == pytest.approx(3.4, abs=3 * T)
     assert not found.unknown
     assert search.problem.errors.rmse(fit) < 0.8 * search.problem.errors.rmse(search.refit)
+
+
+def test_a_push_that_lasts_is_found_with_the_friction_beside_it():
+    """A slope of 3 s: in the motion by u neither shows without the other."""
+    names = ("coulomb_friction", "viscous_friction", "stiffness", "external_force")
+    slow = Multisine((0.23, 0.47, 0.91), 2.0, seed=3)
+    search = posed(SLOPE, names, reference=slow, duration=12.0)
+    whole = search.run(search.refit)
+    fit, found = pushed(search, whole, discrepancy_of(search, whole))
+    assert {t.id for t in search.added(fit.terms)} == {"coulomb_friction", "viscous_friction", "external_force"}
+    assert next(t for t in fit.terms if t.effect.listed).shape["edges"][0] == pytest.approx((4.0, 7.0), abs=3 * T)
+    assert not found.unknown
 
 
 def test_without_a_push_everything_stays_as_it_was():

@@ -68,17 +68,15 @@ def _placed_again(search: Search, settled: Fit) -> Fit:
 def _pushes_alone(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Discrepancy] | None:
     """A few pushes in place of all that was found, where they explain more and leave no more than the sensor does: two
     lines in time and a cogging make three pushes of a short log, and leave nothing of them to see. Where more than the
-    sensor's noise is left, beside one law, too: it hides the pushes, and they it.
+    sensor's noise is left, beside one law, too: it hides the pushes, and they it; and in what all functions of the
+    motion leave of u: a push that lasts is most of that, and in the motion by u neither shows without the other.
 
     Pushes can also stand in for laws that no catalogue has (a brake, an end stop); these leave 5 to 50 times the floor.
-    They are looked for in what all functions of the motion leave of u, too: a push that lasts is most of u there, and
-    the motion by u, which it hides in, shows no law beside it, nor it.
     """
-    motion = search.fit(search.problem.beside, search.refit.tap)
-    tried = [with_pulses(search, motion, _left_of_u(search, motion))]
-    if search.added(whole.terms):
-        tried.append(with_pulses(search, search.refit))
+    tried = [with_pulses(search, search.refit)] if search.added(whole.terms) else []
     if beyond.unknown or above_floor(search, whole):
+        motion = search.fit(search.problem.beside, search.refit.tap)
+        tried.append(with_pulses(search, motion, _left_of_u(search, motion)))
         laws = [o.fit for o in search.options(search.refit) if get_effect(o.effect).role is not Role.STRUCTURE]
         tried += [with_pulses(search, fit) for fit in laws[:_LAWS]]
     likely = [p for p in tried if p is not None and not _hopeless(search, p, whole)]
