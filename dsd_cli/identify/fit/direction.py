@@ -135,14 +135,9 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
     near_by = [tap for tap in allowed if distance(tap) < 1.0]
     if best in near_by or not near_by:
         return best
-    here = min(near_by, key=nats)
+    here, kept = min(near_by, key=nats), solver.bank.equations.kept
     further = distance(best) - distance(here)
-    gained = (nats(here) - nats(best) + further) / _by_chance(solver, terms, here, best)
-    return best if gained > further else here
-
-
-def _by_chance(solver: Solver, terms: Terms, here: int, best: int) -> float:
-    """How many times more one delay explains by chance, of what is left at it, than of white noise (Bartlett)."""
-    fits, kept = (solver.fit(terms, tap) for tap in (here, best)), solver.bank.equations.kept
+    fits = [solver.fit(terms, tap) for tap in (here, best)]
     was, left = (fit.forward @ np.stack(solver.bank.design(terms, fit.tap).rows) for fit in fits)
-    return max(shared_inflation(left[kept], (was - left)[kept]), 1.0)
+    by_chance = max(shared_inflation(left[kept], (was - left)[kept]), 1.0)  # Bartlett's factor
+    return best if nats(here) - nats(best) + further > further * by_chance else here

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, Design, Term, has_friction
+from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, Term, has_friction
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.noise import white_to_the_end
@@ -115,14 +115,8 @@ def _errors(bank: Bank, model: PlantModel) -> tuple[Array, Array]:
     if any("u" in t.effect.needs for t in terms):  # a law of u looks at u as late as the drive is, not at whole steps
         bank = bank.between(float(theta[SHARE]))
     design, keep = bank.design(terms, tap), bank.equations.kept
-    return _residual(design, theta)[keep], bank.command((), tap, has_friction(terms))[keep]
-
-
-def _residual(design: Design, theta: Array) -> Array:
-    left = design.rows[0].copy()
-    for coefficient, column in zip(theta, design.rows[1:], strict=True):
-        left -= coefficient * column
-    return left
+    left = design.rows[0] - theta @ np.stack(design.rows[1:])
+    return left[keep], bank.command((), tap, has_friction(terms))[keep]
 
 
 def _score(errors: Array, held: float, u: Array) -> Score:

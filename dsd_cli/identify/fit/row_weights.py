@@ -72,16 +72,16 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     fit, solver = _exact(fit, solver)
     equations = solver.bank.equations
     if equations.row_weight is not None:
-        return Weighed(solver, fit, _residual(fit, solver.bank), equations.counted)
+        return Weighed(solver, fit, residual_of_u(fit, solver.bank), equations.counted)
     counted = equations.kept if has_friction(fit.terms) else np.ones(len(plain.acceleration), dtype=bool)
     sure = counted & sure_rows(fit.terms, equations, POLICY.unsure_share)
     sure &= uncertain(equations) <= _harmless(fit, solver.bank, sure)
     unsure = counted & ~sure
     least = POLICY.rows_per_value * (len(fit.total) + sum(t.effect.searched for t in fit.terms))
     if sure.sum() < least or not unsure.any():
-        return Weighed(solver, fit, _residual(fit, solver.bank), float(counted.sum()), bool(unsure.any()))
+        return Weighed(solver, fit, residual_of_u(fit, solver.bank), float(counted.sum()), bool(unsure.any()))
     for _ in range(_ROUNDS):
-        left = _residual(fit, solver.bank) ** 2
+        left = residual_of_u(fit, solver.bank) ** 2
         quiet, loud = float(np.mean(left[sure])), float(np.mean(left[unsure]))
         weight = math.sqrt(quiet / (quiet + unsure.sum() * max(loud - quiet, 0.0) + 1e-300))
         row_weight = np.where(sure, 1.0, np.where(unsure, weight, 0.0))
@@ -91,7 +91,7 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
         trusting = solver.on(bank, nats)
         fit, trusting = _exact(trusting.fit(fit.terms, fit.tap, fit.whole_steps), trusting)
         bank = trusting.bank
-    return Weighed(trusting, fit, _residual(fit, bank), size)
+    return Weighed(trusting, fit, residual_of_u(fit, bank), size)
 
 
 def at_least_squares(found: Weighed, as_found: bool = False) -> tuple[Weighed, Information]:
@@ -99,7 +99,7 @@ def at_least_squares(found: Weighed, as_found: bool = False) -> tuple[Weighed, I
     if as_found:
         return found, information(found.fit, found.solver)
     fit, known = converged(found.fit, found.solver)
-    residual = found.residual if fit is found.fit else _residual(fit, found.solver.bank)
+    residual = found.residual if fit is found.fit else residual_of_u(fit, found.solver.bank)
     return replace(found, fit=fit, residual=residual), known
 
 
@@ -167,7 +167,7 @@ def _harmless(fit: Fit, bank: Bank, sure: NDArray[np.bool_]) -> float:
         if term.effect.role is Role.FRICTION:
             at = fit.columns_of(term)
             friction += fit.total[at] @ np.stack(rows[1 + at.start : 1 + at.stop])
-    size, noise = (float(np.mean(x[sure] ** 2)) for x in (friction, _residual(fit, bank)))
+    size, noise = (float(np.mean(x[sure] ** 2)) for x in (friction, residual_of_u(fit, bank)))
     return POLICY.harmless_lean * math.sqrt(noise / max(size, 1e-300))
 
 
@@ -226,6 +226,7 @@ def uncertain(equations: Equations, creeping: bool = True, resting: bool = True)
     return np.concatenate(shares)
 
 
-def _residual(fit: Fit, bank: Bank) -> Array:
+def residual_of_u(fit: Fit, bank: Bank) -> Array:
+    """What a fit of u by the motion leaves of each row, shape (N,)."""
     rows = bank.rows(fit.terms, fit.tap)
     return np.asarray(rows[0] - fit.total @ np.stack(rows[1:]))

@@ -16,7 +16,7 @@ import numpy as np
 
 from dsd_cli.identify.fit.bank import SHARE, Terms, has_friction
 from dsd_cli.identify.fit.blocks import condensed
-from dsd_cli.identify.fit.row_weights import many_sure
+from dsd_cli.identify.fit.row_weights import many_sure, residual_of_u
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings, constant_u
 from dsd_cli.identify.policy import POLICY
@@ -72,7 +72,7 @@ def command_time(search: Search, whole: Fit, settings: Settings) -> CommandTime:
     added = search.added(whole.terms)
     if len(search.taps) < 2 or search.problem.blocks.rows < POLICY.few_rows:
         return CommandTime()
-    freed, residual = _best_freed(search, whole.terms, whole.tap), _residual(search, whole)
+    freed, residual = _best_freed(search, whole.terms, whole.tap), residual_of_u(whole, search.solver.bank)
     before = float(residual @ residual)
     if not _certain(search, freed):
         return CommandTime()
@@ -143,12 +143,6 @@ def _freed(search: Search, terms: Terms, tap: int) -> _Freed:
     left = rows[0] - theta @ rows[1:]
     variance = float(inverse[SHARE] @ inverse[SHARE] * np.mean(left**2) * search.noise.inflation)
     return _Freed(tap, -float(theta[SHARE]) * bank.tap_time, math.sqrt(variance) * bank.tap_time, left)
-
-
-def _residual(search: Search, fit: Fit) -> Array:
-    """What a fit leaves of each row, weighted, shape (N,)."""
-    rows = np.stack(search.solver.bank.design(fit.terms, fit.tap).rows)
-    return np.asarray(rows[0] - fit.total @ rows[1:])
 
 
 #: Share of u that the motion must explain, whatever is missing: between that of an axis which lacks a law that no

@@ -10,6 +10,7 @@ import numpy as np
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.row_weights import residual_of_u
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.pulses import event_effect, sharpened, with_pulses
@@ -75,8 +76,8 @@ def _pushes_alone(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit,
     """
     tried = [with_pulses(search, search.refit)] if search.added(whole.terms) else []
     if beyond.unknown or above_floor(search, whole):
-        motion = search.fit(search.problem.beside, search.refit.tap)
-        tried.append(with_pulses(search, motion, _left_of_u(search, motion)))
+        motion, bank = search.fit(search.problem.beside, search.refit.tap), search.problem.errors.bank
+        tried.append(with_pulses(search, motion, residual_of_u(motion, bank) * search.equations.kept))
         laws = [o.fit for o in search.options(search.refit) if get_effect(o.effect).role is not Role.STRUCTURE]
         tried += [with_pulses(search, fit) for fit in laws[:_LAWS]]
     likely = [p for p in tried if p is not None and not _hopeless(search, p, whole)]
@@ -91,13 +92,6 @@ def _pushes_alone(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit,
         return None
     then = discrepancy_of(search, found)
     return None if then.unknown and not beyond.unknown else (found, then)
-
-
-def _left_of_u(search: Search, fit: Fit) -> Array:
-    """What a fit of u by the motion leaves, unit of u, shape (N,), 0 in rows that do not count."""
-    errors = search.problem.errors
-    drive, *columns = errors.bank.rows(fit.terms, fit.tap)
-    return np.asarray((drive - fit.total @ np.stack(columns)) * errors.equations.kept)
 
 
 def _hopeless(search: Search, pulses: Fit, whole: Fit) -> bool:
