@@ -215,7 +215,7 @@ def test_a_far_delay_is_taken_for_more_than_chance_explains_of_what_is_left(colo
     force = np.random.default_rng(0).normal(size=800 // colour).repeat(colour)
     rows = [[force * (1.0 - 0.2 * math.exp(-(((tap - 120) / 20.0) ** 2)))] for tap in range(200)]
     equations = SimpleNamespace(counted=float(force.size), kept=np.ones(force.size, dtype=bool))
-    bank = SimpleNamespace(tap_time=STEP, equations=equations, design=lambda _, tap: SimpleNamespace(rows=rows[tap]))
+    bank = SimpleNamespace(tap_time=STEP, equations=equations, rows=lambda _, tap: rows[tap])
     solver = SimpleNamespace(
         bank=bank,
         taps=lambda most: range(most + 1),

@@ -138,6 +138,6 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
     here, kept = min(near_by, key=nats), solver.bank.equations.kept
     further = distance(best) - distance(here)
     fits = [solver.fit(terms, tap) for tap in (here, best)]
-    was, left = (fit.forward @ np.stack(solver.bank.design(terms, fit.tap).rows) for fit in fits)
+    was, left = (fit.forward @ np.stack(solver.bank.rows(terms, fit.tap)) for fit in fits)
     by_chance = max(shared_inflation(left[kept], (was - left)[kept]), 1.0)  # Bartlett's factor
     return best if nats(here) - nats(best) + further > further * by_chance else here
