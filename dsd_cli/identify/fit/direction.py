@@ -120,7 +120,7 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
         return known[tap]
 
     step = max(1, (len(allowed) - 1) // _COARSE)
-    tried = allowed[::step]
+    tried = coarse = allowed[::step]
     if near is not None:
         near = min(max(near, first), last)
         low, high = max(near - _AROUND * step, first), min(near + _AROUND * step, last)
@@ -132,8 +132,8 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
             break
         tried = range(max(best - step, first), min(best + step, last) + 1, max(step // 4, 1))
         step = max(step // 4, 1)
-    near_by = [tap for tap in allowed if distance(tap) < 1.0]
-    if best in near_by or not near_by:
+    near_by = [tap for tap in coarse if distance(tap) < 1.0]
+    if distance(best) < 1.0 or not near_by:
         return best
     here, kept = min(near_by, key=nats), solver.bank.equations.kept
     further = distance(best) - distance(here)
