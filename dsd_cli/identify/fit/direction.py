@@ -18,7 +18,6 @@ from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import INERTIA, Bank, Terms
 from dsd_cli.identify.fit.blocks import total_gram, without_noise
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.row_weights import shared_inflation
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.policy import POLICY
@@ -96,8 +95,7 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
 
     The likelihood is that of what is left, of unknown variance, N/2 ln SSE. In a motion of few frequencies u of half a
     period ago is as good as u now, with the other sign: each `POLICY.least_delay_range` between a delay and the
-    believed one costs a nat. A force that lasts for seconds and is in no law colours what is left: u of a while ago
-    explains some of that by chance, and a far delay is taken only where what it gains beyond chance is worth it.
+    believed one costs a nat.
 
     near : the best delay of nearly the same rows; all are tried only where the best one is not around it.
     believed : s.
@@ -105,12 +103,10 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
     allowed = solver.taps(most_tap)
     first, last = allowed[0], allowed[-1]
 
-    def distance(tap: int) -> float:
-        return abs(tap * solver.bank.tap_time - believed) / POLICY.least_delay_range
-
     def price(tap: int, keep: bool = False) -> float:
         left = max(solver.squares(terms, tap, keep=keep), 1e-300)
-        return 0.5 * solver.bank.equations.counted * math.log(left) + distance(tap)
+        distance = abs(tap * solver.bank.tap_time - believed)
+        return 0.5 * solver.bank.equations.counted * math.log(left) + distance / POLICY.least_delay_range
 
     known = {first: price(first, keep=True)}  # keeps the columns that do not depend on the delay
 
@@ -120,7 +116,7 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
         return known[tap]
 
     step = max(1, (len(allowed) - 1) // _COARSE)
-    tried = coarse = allowed[::step]
+    tried = allowed[::step]
     if near is not None:
         near = min(max(near, first), last)
         low, high = max(near - _AROUND * step, first), min(near + _AROUND * step, last)
@@ -129,15 +125,6 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
     while True:
         best = min(tried, key=nats)
         if step == 1:
-            break
+            return best
         tried = range(max(best - step, first), min(best + step, last) + 1, max(step // 4, 1))
         step = max(step // 4, 1)
-    near_by = [tap for tap in coarse if distance(tap) < 1.0]
-    if distance(best) < 1.0 or not near_by:
-        return best
-    here, kept = min(near_by, key=nats), solver.bank.equations.kept
-    further = distance(best) - distance(here)
-    fits = [solver.fit(terms, tap) for tap in (here, best)]
-    was, left = (fit.forward @ np.stack(solver.bank.rows(terms, fit.tap)) for fit in fits)
-    by_chance = max(shared_inflation(left[kept], (was - left)[kept]), 1.0)  # Bartlett's factor
-    return best if nats(here) - nats(best) + further > further * by_chance else here

@@ -68,10 +68,6 @@ class Freeform:
         """Held-out sum of squares."""
         return float(self.losses.sum())
 
-    def left_of(self, rmse: float) -> float:
-        """What the function leaves of a held-out error that the fit leaves, whatever its delay is held to."""
-        return rmse * math.sqrt(self.loss / max(float(self.without.sum()), 1e-300))
-
 
 @dataclass(frozen=True)
 class Piece:

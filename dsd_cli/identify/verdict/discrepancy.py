@@ -75,16 +75,17 @@ def _structured(equations: Equations, residual: Array) -> float:
 
 
 def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) -> Discrepancy:
-    errors = search.problem.errors
+    errors, equations = search.problem.errors, search.equations
     fits = search.freeform(fit)
     plain = errors.rmse(fit)
-    share = _structured(search.equations, errors.residual(fit, held_out=False))
+    share = _structured(equations, errors.residual(fit, held_out=False))
     noise = plain * math.sqrt(1.0 - share)
     groups = [fits.fit_with(group) for group in fits.groups() if asked(group)]
     if not groups:
         return Discrepancy((), plain, False, noise)
     best = loss_of(groups)
-    reached = fits.fit_with(best.on, whitened=False).left_of(plain)
+    fall = fits.fit_with(best.on, whitened=False).gain / max(int(equations.kept.sum()), 1)
+    reached = math.sqrt(max(plain**2 - fall, 0.0))
     certain = best.gain / search.noise.nats > POLICY.unknown_nats and reached < (1.0 - POLICY.unknown_fall) * plain
     least, left = POLICY.least_unknown * errors.force, surely_left(search, fit)
     large = min(math.sqrt(max(plain**2 - reached**2, 0.0)), left) > least
@@ -214,4 +215,5 @@ def _law(search: Search, whole: Fit, beside: Freeform) -> _Law | None:
 def _left(search: Search, tap: int, law: _Law) -> float:
     """Held-out rms that a law leaves beside its effects, unit of u."""
     fit = search.solver.fit(law.terms, tap)
-    return search.freeform(fit).fit_with(law.on, whitened=False).left_of(search.problem.errors.rmse(fit))
+    fall = search.freeform(fit).fit_with(law.on, whitened=False).gain / max(int(search.equations.kept.sum()), 1)
+    return math.sqrt(max(search.problem.errors.rmse(fit) ** 2 - fall, 0.0))
