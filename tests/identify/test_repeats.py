@@ -10,7 +10,7 @@ from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.results import Estimate
-from dsd_cli.identify.search.long_logs import deviations, identified_only
+from dsd_cli.identify.search.long_logs import _deviations, identified_only
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import apart, names_to_try, refined, renamed
 from dsd_cli.identify.verdict.diagnose import strongest_first
@@ -97,19 +97,16 @@ def test_a_line_of_which_no_force_is_told_is_dropped(search, periods):
     ("effect", "values", "told"),
     [
         ("cogging", {"amplitude": (0.005, 0.004), "periods": (995.0, 1.6), "phase": (1.5, 0.1)}, 1.25),
-        ("stribeck_friction", {"excess": (0.02, 0.01), "velocity": (1.0, 0.1)}, 2.0),
-        ("dead_zone", {"width": (0.3, 0.1)}, 3.0),
-        ("flexible_coupling", {"frequency": (8.0, 2.0), "load_share": (0.2, 0.2), "damping": (0.1, 0.2)}, 4.0),
-        ("coulomb_friction", {"level": (1.0, 0.0)}, 0.0),
-        ("external_force", {}, math.inf),
+        ("periodic_disturbance", {"amplitude": (0.4, 0.2), "frequency": (0.91, 0.04), "phase": (0.1, 2.0)}, 2.0),
+        ("cogging", {"amplitude": (0.005, 0.0), "periods": (995.0, 1.6), "phase": (1.5, 0.1)}, 0.0),
     ],
 )
-def test_an_effect_is_told_by_its_force_where_it_has_one(effect, values, told):
+def test_a_line_is_told_by_its_force(effect, values, told):
     """A wave that is not there has a length, and an angle, that many standard errors are away from 0."""
     estimates = {f"{effect}.{name}": Estimate(value, error, "") for name, (value, error) in values.items()}
-    assert deviations(effect, estimates) == pytest.approx(told)
+    assert _deviations(Term.of(effect, {}), estimates) == pytest.approx(told)
     held = {name: replace(e, held=True) for name, e in estimates.items()}
-    assert deviations(effect, held) == math.inf
+    assert _deviations(Term.of(effect, {}), held) == math.inf
 
 
 def test_a_shape_is_not_searched_where_another_line_is(search):

@@ -60,11 +60,7 @@ def _ordered(found: Iterable[Finding]) -> tuple[Finding, ...]:
     return tuple(sorted(found, key=lambda one: (_ORDER[one.severity], -one.sure)))
 
 
-#: Of a corrupt cell (1e300) a square is no number, and nothing is seen.
-_quietly = np.errstate(over="ignore", invalid="ignore")
-
-
-@_quietly
+@np.errstate(over="ignore", invalid="ignore")  # of a corrupt cell (1e300) a square is no number, and nothing is seen
 def check_log(
     log: Log,
     model: PlantModel | None = None,
@@ -108,7 +104,7 @@ def check_log(
     )
 
 
-@_quietly
+@np.errstate(over="ignore", invalid="ignore")
 def seen_in(
     log: Log,
     model: PlantModel | None = None,
@@ -232,7 +228,7 @@ def to_mend_first(result: CheckResult | Seen) -> tuple[Finding, ...]:
     return result.errors[:1] or tuple(one for one in result.findings if one.first)
 
 
-@_quietly
+@np.errstate(over="ignore", invalid="ignore")
 def biased_by_noise(
     seen: Seen, model: PlantModel, observer: ObserverSettings | None = None, known: Collection[str] = ()
 ) -> list[Finding]:

@@ -68,7 +68,7 @@ class LowPass:
     def at(self, x: Array, rows: NDArray[np.int64]) -> Array:
         """The same at some of `rows` alone: of a long stretch their sums take less than a transform of all of it."""
         kernel = self.kernel()
-        if rows.size * kernel.size > _AS_LONG * x.size:
+        if x.size < kernel.size or rows.size * kernel.size > _AS_LONG * x.size:
             return self(x)[rows]
         return np.lib.stride_tricks.sliding_window_view(x, kernel.size)[rows - self.half] @ kernel
 

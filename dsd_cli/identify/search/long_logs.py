@@ -14,8 +14,8 @@ from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.effects import Role, get_effect, kind_of
-from dsd_cli.identify.fit.bank import has_friction
+from dsd_cli.effects import kind_of
+from dsd_cli.identify.fit.bank import Term, has_friction
 from dsd_cli.identify.fit.driven_load import both_driven
 from dsd_cli.identify.fit.problem import Problem, asked_of_all, pose
 from dsd_cli.identify.fit.solve import Fit
@@ -168,7 +168,7 @@ def _told(search: Search, whole: Fit) -> Fit:
     """Without those, one after the other, shapes as they are; the same fit if there are none."""
     while lines := [t for t in search.added(whole.terms) if t.effect.periods is not None]:
         estimates = search.problem.values(whole, as_found=True).estimates
-        sizes = {t: deviations(t.id, estimates) for t in lines}
+        sizes = {t: _deviations(t, estimates) for t in lines}
         least = min(sizes, key=lambda t: sizes[t])
         if sizes[least] > POLICY.value_deviations:
             break
@@ -176,15 +176,12 @@ def _told(search: Search, whole: Fit) -> Fit:
     return whole
 
 
-def deviations(effect_id: str, estimates: Estimates) -> float:
-    """Standard errors by which the largest force of an effect is away from 0, or of one that adds none the surest of
-    its values: a wave of no force has a length, and an angle, to many. Infinite where nothing is estimated."""
-    effect = get_effect(effect_id)
-    adds = effect.role in (Role.APPLIED, Role.FRICTION)
-    forces = [p for p in effect.parameters if not adds or (p.linear and p.unit != "rad")]
-    found = [e for p in forces if (e := estimates.get(f"{effect_id}.{p.name}")) is not None]
+def _deviations(line: Term, estimates: Estimates) -> float:
+    """Standard errors by which the largest force of a line is away from 0; angles are none."""
+    forces = [p.name for p in line.effect.parameters if p.linear and p.unit != "rad"]
+    found = [estimates[f"{line.id}.{name}"] for name in forces]
     told = (math.inf if e.held else abs(e.value) / e.std_error for e in found if e.held or e.std_error > 0.0)
-    return max(told, default=0.0 if found else math.inf)
+    return max(told, default=0.0)
 
 
 def _on_all(task: Task, search: Search, whole: Fit) -> tuple[Search, Fit]:

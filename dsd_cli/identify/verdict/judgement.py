@@ -240,7 +240,7 @@ class Verdict:
     def _ranking(self, score: Score, refitted: Score, nearest: str) -> tuple[Candidate, ...]:
         tested = [(o, self.problem.score(o.fit)) for o in self.alone.values()]
         tested.sort(key=lambda one: (one[0].effect != self.named, one[1].heldout_rmse))
-        others = [o.effect for o, _ in tested if o.effect not in self.members]
+        others = [o.effect for o, _ in tested if o.effect not in (self.named, *self.members)]
         shown = {self.named, self.doubted, nearest, *others[:1], *self.members}
         found = [self._candidate(o, refitted, errors, shown=o.effect in shown) for o, errors in tested]
         no = 3 * (math.nan,)
