@@ -270,7 +270,7 @@ def _signed(stack: Array, target: int, signs: Sequence[int]) -> tuple[Array, Arr
         free.append(max(back, key=lambda k: left[k]))
         returned.add(free[-1])
     found = np.zeros((len(stack), len(others)))
-    found[:, free] = fits(len(stack))
+    found[:, free] = fits(len(stack)) if len(stack) > 1 else theta
     weights = np.zeros((len(stack), len(others) + 1))
     weights[:, target], weights[:, others] = 1.0, -found
     return found, weights

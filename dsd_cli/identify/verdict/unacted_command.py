@@ -87,16 +87,19 @@ def idle_part(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
     roles = {t.effect.role for t in search.added(whole.terms)}
     for part, taken_off in _parts(problem.recordings, search.solver.inertia):
         most = found * (1.0 + POLICY.nearly_the_same if roles & {*part.imitators} else _AT_MOST)
+        load = seen.effect if seen is not None and Role.STRUCTURE in part.imitators else None
+        if (acted := _answered(search, whole, taken_off) >= _UNANSWERED) and load is None:
+            continue
         forces = {
             name: values for name, values in as_found.effects.items() if get_effect(name).role not in part.imitators
         }
         there = replace(problem.model, effects=forces)
         without = posed(taken_off, there, settings, as_found.delay)
         left = without.problem.errors.rmse(without.refit)
-        if seen is not None and Role.STRUCTURE in part.imitators and not _shows(without, seen.effect):
+        if load is not None and not _shows(without, load):
             return part.shown("the response shows no load")
         better = left < most and left < least and problem.falls(before, left, search.refit)
-        if better and _answered(search, whole, taken_off) < _UNANSWERED:
+        if better and not acted:
             why = f"forces alone leave {left:.3g}, any effects with u as it is logged {found:.3g}"
             best, least = part.shown(why), left
         del without  # as large as the next
