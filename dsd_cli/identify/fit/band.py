@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.recordings.spectrum import SensorNoise, density
+from dsd_cli.signals.decimating import decimated, in_groups
 from dsd_cli.signals.log import Array
 
 #: Rows per second by the band's end: the low-pass falls from the end of the band to twice that, so that what folds back
@@ -56,24 +57,11 @@ class Band:
 
     def rows(self, x: Array, first: int) -> Array:
         """x of shape (n,) low-passed at `centres`."""
-        count, pieces = len(self.centres(first, len(x))), len(self._by_step)
-        used = np.zeros((count + pieces - 1) * self.step)
-        last = min(len(x) - first, len(used))
-        used[:last] = x[first : first + last]
-        samples, found = used.reshape(-1, self.step), np.empty(count)
-        for i in range(0, count, _CHUNK):
-            own = samples[i : min(i + _CHUNK, count) + pieces - 1]
-            room = np.empty(pieces * (len(own) + 1))
-            np.matmul(self._by_step, own.T, out=room[: pieces * len(own)].reshape(pieces, -1))
-            rows = len(own) - pieces + 1  # piece k of a row is that of k steps later
-            room.reshape(pieces, -1)[:, :rows].sum(axis=0, out=found[i : i + rows])
-        return found
+        return decimated(x[first:], self._groups, len(self.centres(first, len(x))))
 
     @cached_property
-    def _by_step(self) -> Array:
-        """The taps in pieces as long as a step, shape (pieces, step): times whole steps of samples, they are fast."""
-        pieces = -(-len(self.taps) // self.step)
-        return np.pad(self.taps, (0, pieces * self.step - len(self.taps))).reshape(pieces, self.step)
+    def _groups(self) -> Array:
+        return in_groups(self.taps, self.step)
 
     def angles(self, count: int) -> Array:
         """`count` angles of rows, w = 2 pi f step T in (0, pi)."""
