@@ -60,3 +60,10 @@ def test_no_place_is_asked_for_outside_or_more_often_than_allowed():
 def test_where_all_is_alike_it_ends():
     _, places = _asked(lambda x: 3.0)
     assert len(places) == 2
+
+
+@pytest.mark.parametrize(("start", "bottom"), [(-0.6, 0.1), (0.7, 0.1), (0.7, 2.0), (-0.6, -2.0)])
+def test_a_start_at_an_end_is_one(start, bottom):
+    found, places = _asked(lambda x: (x - bottom) ** 2, start=start)
+    assert all(-0.6 < x < 0.7 for x in places)
+    assert found.x == pytest.approx(min(max(bottom, -0.6), 0.7), abs=1e-4)

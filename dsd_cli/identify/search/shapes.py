@@ -179,7 +179,9 @@ def _along(
     least, most = _limits(search, best[2].id, name)
     low, high = max(centre - half, math.log(least)), min(centre + half, math.log(most))
     if low < high:
-        least_near(squares, low, high, Point(centre, -best[0]), WORTH * search.noise.nats, STEPS)
+        start = min(max(centre, low), high)
+        known = Point(start, -best[0] if start == centre else squares(start))
+        least_near(squares, low, high, known, WORTH * search.noise.nats, STEPS)
     return max(found, key=lambda f: f[0])
 
 
