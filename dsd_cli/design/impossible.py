@@ -104,9 +104,7 @@ def beyond_u(asked: Targets, able: Targets) -> list[Impossible]:
     """Pairs that the user asked for, one side of which u cannot move as the logs have it: no motion is for them."""
     names, left = [[e.name for e in some.explanations] for some in (asked, able)]
     gone = [(names[a], names[b]) for a, b in asked.pairs if not {names[a], names[b]} <= {*left}]
-    remedy = (
-        "as these logs have them, u within its limit cannot move or hold the axis with one: take a log that moves more"
-    )
+    remedy = "u within its limit cannot move or hold the axis with one of them: take a log that moves more"
     return [Impossible(" or ".join(apart(*pair)), remedy) for pair in gone] if asked.asked else []
 
 

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError, UsageError
+from dsd_cli.identify import improve as improve_module
 from dsd_cli.identify.final_fit import add_effect
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.improve import _taken_of, improve
@@ -14,6 +15,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import NONE
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.identify.outside_rig import asked
@@ -34,6 +36,12 @@ def _rig(recording):
     observer = ObserverSettings(case.nominal_inertia, case.observer_time_constant)
     log = Log(recording.channels, case.sample_time, "log.csv")
     return prepare(log, observer), PlantModel(case.believed_inertia, case.believed_delay, dict(case.base)), observer
+
+
+def _gravity():
+    """A chooser: gravity, and no more."""
+    wishes = iter(["gravity"])
+    return lambda _: next(wishes, None)
 
 
 @pytest.fixture(scope="module")
@@ -113,10 +121,28 @@ def test_the_ladder_ends_where_the_chooser_says(pair):
 
 def test_another_effect_than_the_verdict_may_be_chosen(pair):
     recording, model, observer = pair
-    wishes = iter(["gravity"])
-    found = improve([recording], model, observer, FEW, choose=lambda d: next(wishes, None))
+    found = improve([recording], model, observer, FEW, choose=_gravity())
     assert [step.effect for step in found.steps] == ["as given", "gravity"]
     assert found.steps[1].score.heldout_rmse < found.steps[0].score.heldout_rmse
+
+
+def test_what_is_taken_of_an_excerpt_is_fitted_to_all_rows(pair, monkeypatch):
+    """The ranking of a long log has values of the excerpt: none of them stands in the model that a user takes."""
+    recording, model, observer = pair
+
+    def of_excerpt(*args, **how):
+        said = diagnose(*args, **how)
+        off = tuple(replace(c, of_excerpt=True, model=said.given, all_values={}) for c in said.ranking if c.model)
+        return replace(said, ranking=off)
+
+    plain = improve([recording], model, observer, FEW, choose=_gravity())
+    monkeypatch.setattr(improve_module, "diagnose", of_excerpt)
+    found = improve([recording], model, observer, FEW, choose=_gravity())
+    assert [step.effect for step in found.steps] == ["as given", "gravity"]
+    wanted, values = plain.steps[1].estimates, found.steps[1].estimates
+    assert values.keys() == wanted.keys()
+    for name, one in values.items():
+        assert abs(one.value - wanted[name].value) < 0.1 * wanted[name].std_error, name
 
 
 def test_an_effect_that_is_no_candidate_is_refused(pair):
