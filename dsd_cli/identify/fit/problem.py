@@ -181,9 +181,8 @@ def pose(
         solver = Solver(bank, solver.blocks, known=known, inverse=True)
         untestable |= {name: NEEDS_ACCELERATION for name in candidates if needs_acceleration(name)}
         candidates = tuple(name for name in candidates if name not in untestable)
-    found = 0.0  # a friction that hardly changes is as well explained by a u of seconds ago
-    if not inverse:
-        found = best_delay(solver, beside, most_tap, about, believed=model.delay) * bank.tap_time
+    # inverse: a friction that hardly changes is as well explained by a u of seconds ago
+    found = 0.0 if inverse else best_delay(solver, beside, most_tap, about, believed=model.delay) * bank.tap_time
     wanted = min(max(POLICY.least_delay_range, 2.0 * found, 2.0 * model.delay), longest)
     given = model.inertia if inverse else 0.0
     solver, most_tap, fit = _laid_out(
