@@ -181,13 +181,14 @@ def test_weighed_rows_are_the_white_ones_times_their_weights(equations, around):
 def test_a_drive_between_samples_is_that_of_the_command_so_late(equations):
     """Delays between the same samples are put together from parts that are kept, of one command after the other."""
     plain = Bank(equations)
-    taps = np.pad([1.0], 12)
-    white = Bank(equations.with_whitening(taps, taps), plain)
+    taps = np.pad([-0.3, 1.0, -0.3], 11)
+    coloured = equations.with_whitening(taps, taps)
+    white = Bank(coloured, plain)
     late, dead = (), (Term.of("dead_zone", {"width": 0.1}),)
     for tap, inputs, held in ((2.3, late, False), (2.6, late, False), (2.6, dead, True), (2.3, late, True)):
         expected = equations.commanded(commands(equations, inputs), tap * plain.tap_time, held)
         np.testing.assert_allclose(plain.drive(inputs, tap, held=held), expected, atol=1e-12)
-        np.testing.assert_allclose(white.drive(inputs, tap, held=held), expected, atol=1e-12)
+        np.testing.assert_allclose(white.drive(inputs, tap, held=held), coloured.whitened(expected), atol=1e-12)
 
 
 def test_the_noise_that_a_load_takes_over_is_what_its_filter_makes_of_it():
