@@ -7,7 +7,7 @@ import pytest
 
 from dsd_cli.effects import Role
 from dsd_cli.identify.fit.bank import Term
-from dsd_cli.identify.search.shapes import BRACKET, _limits, refined
+from dsd_cli.identify.search.shapes import BRACKET, SHRINK_ALONE, _limits, refined
 from tests.identify.search_rig import posed
 
 HIDDEN = {
@@ -53,7 +53,7 @@ def test_a_search_never_leaves_its_bracket_or_its_limits(searched):
     for factor in (0.2, 1.0, 5.0):
         start = factor * true
         (term,), _ = refined(search, (Term.of(name, {key: start}),), 0, search.refit.tap)
-        assert abs(math.log(term.shape[key] / start)) <= BRACKET + 1e-9
+        assert abs(math.log(term.shape[key] / start)) <= (1.0 + SHRINK_ALONE) * BRACKET + 1e-9  # the second round's
         assert term.shape[key] == start or least * 0.999 <= term.shape[key] <= most * 1.001
 
 

@@ -1,5 +1,5 @@
 """Shapes of effects: where a search begins, by what the log exercises and by the lines of the residual's spectrum, and
-how it goes on, by Brent's method along the logarithms of their parameters, one after the other. Of several effects of
+how it goes on, by golden section along the logarithms of their parameters, one after the other. Of several effects of
 one kind, whether a log distinguishes two of them.
 """
 
@@ -19,8 +19,8 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.evidence import Evidence
 from dsd_cli.identify.search.scan import Scan
+from dsd_cli.signals.golden import golden_section
 from dsd_cli.signals.log import Array
-from dsd_cli.signals.valley import Point, least_near
 
 #: Lines of a spectrum that are followed up, and bins over the position.
 LINES, BINS = 4, 4096
@@ -130,11 +130,11 @@ def _peaks(power: Array, first: int) -> list[int]:
 
 #: Half width of the bracket, natural logarithm of the parameter; frequencies of lines have narrower ones.
 BRACKET = 0.6
-#: Along a line: evaluations at most, and the nats that no further one is worth.
-STEPS, WORTH = 12, 0.0001
-#: Several parameters are searched in turn, in so many rounds of narrower brackets, until a round gains less than this
-#: share; those that matter less come last.
-ROUNDS, SHRINK, ENOUGH = 5, 0.7, 1e-3
+STEPS = 7
+#: With several parameters they are searched in turn, in so many rounds of narrower brackets, until a round gains less
+#: than this share; those that matter less come last. A single one takes a second, much narrower round at most, and the
+#: periods of a line, which a log tells to a thousandth of one, a third.
+ROUNDS, SHRINK, SHRINK_ALONE, ENOUGH = 5, 0.7, 0.1, 1e-3
 
 
 def refined(search: Evidence, terms: Terms, i: int, tap: int, rounds: int = ROUNDS) -> tuple[Terms, int]:
@@ -146,11 +146,14 @@ def refined(search: Evidence, terms: Terms, i: int, tap: int, rounds: int = ROUN
     names = [n for n in names if f"{term.id}.{n}" not in held or not is_shape(term.effect, n, term.shape)]
     names.sort(key=lambda name: name in term.effect.broad)
     found = (*scan.gain(term), term)
-    for turn in range(rounds if len(names) > 1 else len(names)):
+    shrink = SHRINK if len(names) > 1 else SHRINK_ALONE
+    line = term.effect.periods is not None
+    alone = 1 + (rounds == ROUNDS) * (2 if line else 1) if names else 0
+    for turn in range(rounds if len(names) > 1 else alone):
         before = found[0]
         for name in names:
-            found = _along(search, scan, found, name, _half_width(search, term, name) * SHRINK**turn)
-        if found[0] < (1.0 + ENOUGH) * before:
+            found = _along(search, scan, found, name, _half_width(search, term, name) * (shrink**turn))
+        if not line and found[0] < (1.0 + ENOUGH) * before:
             break
     if not apart(found[2], terms, search.ranges):  # it went where another of its kind is
         return terms, tap
@@ -167,7 +170,7 @@ def _half_width(search: Evidence, term: Term, name: str) -> float:
 def _along(
     search: Evidence, scan: Scan, best: tuple[float, int, Term], name: str, half: float
 ) -> tuple[float, int, Term]:
-    """Brent's method over log(parameter); (gain, delay, term) of the best that was met."""
+    """Golden section over log(parameter); (gain, delay, term) of the best that was met."""
     centre = math.log(best[2].shape[name])
     found = [best]
 
@@ -179,9 +182,7 @@ def _along(
     least, most = _limits(search, best[2].id, name)
     low, high = max(centre - half, math.log(least)), min(centre + half, math.log(most))
     if low < high:
-        start = min(max(centre, low), high)
-        known = Point(start, -best[0] if start == centre else squares(start))
-        least_near(squares, low, high, known, WORTH * search.noise.nats, STEPS)
+        golden_section(squares, low, high, STEPS)
     return max(found, key=lambda f: f[0])
 
 
