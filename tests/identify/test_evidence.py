@@ -14,7 +14,12 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict import probability
 from dsd_cli.identify.verdict.belief import belief_by_squares, shared_belief
-from dsd_cli.identify.verdict.probability import NOTHING, membership, probabilities
+from dsd_cli.identify.verdict.probability import (
+    NOTHING,
+    _changed,
+    membership,
+    probabilities,
+)
 from dsd_cli.plant.references import Multisine
 from tests.identify.search_rig import BELIEVED, posed
 
@@ -252,3 +257,14 @@ def test_effects_of_the_model_cost_nothing(search):
     knowing = posed({}, ("gravity",), believed, duration=4.0)
     assert knowing.price(knowing.base) == 0.0
     assert search.price(whole.terms) > search.price(search.refit.terms) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("told", "hidden", "changed"), [(0.3, 0.3, 0.0), (0.1, 0.3, math.log(3.0)), (0.3, -0.3, math.inf)]
+)
+def test_what_a_fit_changes_of_what_the_model_told(told, hidden, changed):
+    """A force that a fit takes away or turns round is changed more than by any factor."""
+    model = replace(BELIEVED, effects={"constant_load": {"force": told}})
+    search = posed({"constant_load": {"force": hidden}}, (), model)
+    found = _changed(search, search.refit)
+    assert found == changed if math.isinf(changed) else found == pytest.approx(changed, abs=0.1)

@@ -34,8 +34,8 @@ class Membership:
     """An effect of the found set against every effect that could replace it.
 
     probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well;
-    alike : those of them whose likelihood is less, but by no more than the model misfits anyway. there : belief that
-    it, or what takes its place, acts beside any law without a name.
+    alike : those of them whose likelihood is less, but by no more than the model misfits anyway, and that change what
+    the model had given as little. there : belief that it, or what takes its place, acts beside any law without a name.
     imitates : with others it does what some force of the position does, and not in the other half of the travel.
     surest : no verdict on it may be surer.
     """
@@ -112,7 +112,8 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
         return float(lead.sum()) < POLICY.rival_deviations * spread or not search.matters(option.fit, whole)
 
     as_well = [o for o in options if misfit and share(o) > POLICY.rival_share_in_misfit and may_be(o)]
-    named = (o for o in as_well if not get_effect(o.effect).of_time)
+    as_told = _changed(search, whole) + math.log(POLICY.changed_for_name)
+    named = (o for o in as_well if _changed(search, o.fit) <= as_told and not get_effect(o.effect).of_time)
     # a speed that wanders turns friction round: that looks like a push
     as_push = member.effect.listed and has_friction(whole.terms) and search.problem.reconstructed("velocity")
     afloat = _of_position(effect_id) and search.problem.reconstructed("position")
@@ -137,6 +138,21 @@ def _told(search: Search, whole: Fit, effect_id: str) -> bool:
     known = [e for name in own if (e := estimates.get(f"{effect_id}.{name}")) is not None]
     every = any if effect.role is Role.STRUCTURE else all
     return not known or every(e.held or abs(e.value) > POLICY.told_deviations * e.std_error for e in known)
+
+
+def _changed(search: Search, fit: Fit) -> float:
+    """The largest |log| of the factors by which a fit changes the sizes of the model's effects, infinite where
+    it takes a force away or turns it round: with a spring in place of a cubic one, a known weight would have to be six
+    times what it was believed to be."""
+    given, found = search.problem.model.effects, search.problem.scale.model(fit).effects
+    sizes = [
+        (values[p.name], found[name][p.name])
+        for name, values in given.items()
+        if name in found
+        for p in get_effect(name).parameters
+        if p.linear and not p.listed and not p.whole_turn and p.name in values
+    ]
+    return max((abs(math.log(now / was)) if now * was > 0.0 else math.inf for was, now in sizes if was), default=0.0)
 
 
 def _of_position(effect_id: str) -> bool:
