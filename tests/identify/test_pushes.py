@@ -34,7 +34,8 @@ def test_a_push_is_found_where_it_was_and_nothing_is_left_then():
 
 
 def test_a_push_that_lasts_is_found_with_the_friction_beside_it():
-    """A slope of 3 s: in the motion by u neither shows without the other."""
+    """A slope of 3 s: in the motion by u neither shows without the other. Of 20 more draws of the noise 12 are found,
+    and the others are unknown."""
     names = ("coulomb_friction", "viscous_friction", "stiffness", "external_force")
     slow = Multisine((0.23, 0.47, 0.91), 2.0, seed=3)
     search = posed(SLOPE, names, reference=slow, duration=12.0)
