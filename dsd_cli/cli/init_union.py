@@ -98,10 +98,16 @@ def by_units(look: FirstLook) -> FirstLook:
     found = dict(look.found)
     for role in ("u", "velocity", "position"):
         taken = {one.column for one in found.values()}
-        mine = [name for name in look.columns if name not in taken and role_of_unit(look.units[name]) == role]
-        if role not in found and len(mine) == 1:
-            found[role] = Recognised(role, mine[0], look.units[mine[0]])
+        one = _only(role, {name: look.units[name] for name in look.columns if name not in taken})
+        if role not in found and one is not None:
+            found[role] = one
     return replace(look, found=found)
+
+
+def _only(role: str, units: Mapping[str, str]) -> Recognised | None:
+    """The column that alone has a unit of that role."""
+    mine = [(name, unit) for name, unit in units.items() if role_of_unit(unit) == role]
+    return Recognised(role, *mine[0]) if len(mine) == 1 else None
 
 
 def of_encoder(look: FirstLook, taken: Collection[str]) -> dict[str, Recognised]:
@@ -111,8 +117,8 @@ def of_encoder(look: FirstLook, taken: Collection[str]) -> dict[str, Recognised]
     for role in ("velocity", "position"):
         units = {c: look.units[c] or unit_in(c, role) for c in look.columns if c not in taken and not is_asked(c)}
         counts = {c: unit for c, unit in units.items() if whole_unit(unit) in OF_ENCODER and not is_force(c, unit)}
-        if len(mine := [c for c, unit in counts.items() if role_of_unit(unit) == role]) == 1:
-            found[role] = Recognised(role, mine[0], counts[mine[0]])
+        if (one := _only(role, counts)) is not None:
+            found[role] = one
     return found
 
 

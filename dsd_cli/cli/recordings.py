@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from dsd_cli.files.config import Config
     from dsd_cli.files.logs import LoadedLog
     from dsd_cli.files.windowed import Window
-    from dsd_cli.identify.checks import Finding, Seen
+    from dsd_cli.identify.checks import CheckResult, Finding
     from dsd_cli.identify.fit.priors import PriorKnowledge
     from dsd_cli.identify.recordings.recording import Recording
     from dsd_cli.plant.model import PlantModel
@@ -72,8 +72,8 @@ def load_recording(
     if progress is not None:
         progress(f"looking at {PurePath(path).name}")
     loaded, noisy = on_its_clock(loaded)
-    seen = _seen(loaded, config)
-    loaded, late = _without_late(loaded, seen)
+    checked = _checked(loaded, config)
+    loaded, late = _without_late(loaded, checked)
     try:
         recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
     except TooShort as error:
@@ -82,7 +82,8 @@ def load_recording(
         raise
     dropped = {reason: count for reason, count in loaded.dropped.items() if count}
     beyond = held_beyond(plant_model(config, 1.0), recording.pieces) if config.model.effects else []
-    warnings = (*loaded.warnings, *lacking, *noisy, *late, *_wrong(loaded, config, seen, changed=bool(late)), *beyond)
+    wrong = _wrong(loaded, config, checked, changed=bool(late))
+    warnings = (*loaded.warnings, *lacking, *noisy, *late, *wrong, *beyond)
     if path == "-" and not loaded.log.channels.keys() & {"velocity", "position"}:
         warnings += half_said(config)
     return LoadedRecording(recording, dropped, warnings)
@@ -119,19 +120,21 @@ def _as(taken: Callable[[Log, tuple[int, ...]], Updated], loaded: LoadedLog) -> 
     return replace(loaded, log=found.log, restarts=found.restarts, warnings=(*loaded.warnings, *said))
 
 
-def _seen(loaded: LoadedLog, config: Config) -> Seen:
+def _checked(loaded: LoadedLog, config: Config) -> CheckResult:
+    """Without values."""
     from dsd_cli.cli.plan import observer_settings
-    from dsd_cli.identify.checks import seen_in
+    from dsd_cli.identify.checks import check_log
 
     factors, u_shift = config.signals.factors(), config.signals.u_shift
-    return seen_in(loaded.log, None, observer_settings(config), loaded.restarts, factors=factors, u_shift=u_shift)
+    observer = observer_settings(config)
+    return check_log(loaded.log, None, observer, loaded.restarts, factors=factors, u_shift=u_shift, with_values=False)
 
 
-def _without_late(loaded: LoadedLog, seen: Seen) -> tuple[LoadedLog, list[str]]:
+def _without_late(loaded: LoadedLog, checked: CheckResult) -> tuple[LoadedLog, list[str]]:
     """(the log without a velocity that is later than the position, or with a position that is put where the velocity
     has it by now, a sentence about it): both as they are would be a lag of the axis."""
-    late = next((one for one in seen.findings if one.late_channel), None)
-    if late is None or seen.errors:
+    late = next((one for one in checked.findings if one.late_channel), None)
+    if late is None or checked.errors:
         return loaded, []
     channels = dict(loaded.log.channels)
     if late.late_channel == "velocity":
@@ -154,19 +157,19 @@ def on_its_clock(loaded: LoadedLog) -> tuple[LoadedLog, list[str]]:
     return replace(loaded, log=log), [said]
 
 
-def _wrong(loaded: LoadedLog, config: Config, seen: Seen, *, changed: bool) -> list[str]:
+def _wrong(loaded: LoadedLog, config: Config, checked: CheckResult, *, changed: bool) -> list[str]:
     """What must be said before anything that this log answers, and what mends it: sign, unit, a late u, a loop.
 
-    changed : the log is another than the one that was seen.
+    changed : the log is another than the one that was checked.
     """
     from dsd_cli.cli.plan import observer_settings
     from dsd_cli.identify.checks import biased_by_noise, to_mend_first
 
-    first: Sequence[Finding] = to_mend_first(seen)
+    first: Sequence[Finding] = to_mend_first(checked)
     if not first and "reference" in loaded.log:
         given, model = known_values(config), _written_model(config)
-        seen = _seen(loaded, config) if changed else seen
-        first = biased_by_noise(seen, model, observer_settings(config), given.fixed.keys() | given.priors.keys())
+        checked = _checked(loaded, config) if changed else checked
+        first = biased_by_noise(checked, model, observer_settings(config), given.fixed.keys() | given.priors.keys())
     return [f"{one.what.rstrip('?')}: {one.remedy} (dsd check says more)" for one in first]
 
 

@@ -6,8 +6,7 @@ findings = to_mend_first(result)      # what must be said before anything else
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
 
 import numpy as np
 
@@ -31,33 +30,13 @@ __all__ = [
     "Finding",
     "Identified",
     "Parameter",
-    "Seen",
     "Severity",
     "biased_by_noise",
     "check_log",
-    "seen_in",
     "to_mend_first",
 ]
 
 _ORDER = {"error": 0, "warning": 1, "note": 2}
-
-
-@dataclass(frozen=True)
-class Seen:
-    """What a log shows before values are looked at; findings are gravest first."""
-
-    view: View
-    excitation: Excitation
-    findings: tuple[Finding, ...]
-
-    @property
-    def errors(self) -> tuple[Finding, ...]:
-        """The findings because of which the log cannot answer."""
-        return tuple(one for one in self.findings if one.severity == "error")
-
-
-def _ordered(found: Iterable[Finding]) -> tuple[Finding, ...]:
-    return tuple(sorted(found, key=lambda one: (_ORDER[one.severity], -one.sure)))
 
 
 @np.errstate(over="ignore", invalid="ignore")  # of a corrupt cell (1e300) a square is no number, and nothing is seen
@@ -71,6 +50,7 @@ def check_log(
     factors: Mapping[str, float] | None = None,
     u_shift: float = 0.0,
     maker: Maker | None = None,
+    with_values: bool = True,
 ) -> CheckResult:
     """Everything that one log shows about itself; never raises for what is in a log.
 
@@ -82,41 +62,8 @@ def check_log(
     dropped : rows that were not taken as they are, as `Cleaner.dropped` has them.
     factors, u_shift : of [signals], that are in the log already, for remedies that name these keys.
     maker : of [observer] filter and u, whose d_hat has been turned into that of this package; None is as here.
+    with_values : whether those of the model are looked at, too; `biased_by_noise` does it later, by the same view.
     """
-    seen = seen_in(log, model, observer, restarts, dropped=dropped, factors=factors, u_shift=u_shift, maker=maker)
-    view, found = seen.view, list[Finding]()
-    if seen.errors:
-        parameters = unknown_parameters(model)
-    else:
-        parameters = check_parameters(view, model, observer)
-        found += _leaning(parameters)
-        if model is not None:
-            found += _below_zero(view, parameters[0]) or [*_bent(parameters), *_not_told(parameters)]
-    return CheckResult(
-        log.source,
-        _ordered([*seen.findings, *(one.worded(factors or {}, u_shift) for one in found)]),
-        parameters,
-        None if view.band is None else view.band.cutoff,
-        values.floor_of(view, model),
-        seen.excitation,
-        clock.seconds_of(log, restarts),
-        len(log),
-    )
-
-
-@np.errstate(over="ignore", invalid="ignore")
-def seen_in(
-    log: Log,
-    model: PlantModel | None = None,
-    observer: ObserverSettings | None = None,
-    restarts: Sequence[int] = (),
-    *,
-    dropped: Mapping[str, int] | None = None,
-    factors: Mapping[str, float] | None = None,
-    u_shift: float = 0.0,
-    maker: Maker | None = None,
-) -> Seen:
-    """`check_log` without the values."""
     even = clock.evened(log, restarts)
     view = look(even, restarts)
     did = excitation(view.stretches, view.band, view.cutoff)
@@ -126,7 +73,25 @@ def seen_in(
     found += [] if _fails(found) else values.check_magnitude(view, did)
     if not _fails(found):
         found += _judged(view, model, observer, factors or {}, maker or Maker())
-    return Seen(view, did, _ordered(one.worded(factors or {}, u_shift) for one in found))
+    if _fails(found) or not with_values:
+        parameters = unknown_parameters(model)
+    else:
+        parameters = check_parameters(view, model, observer)
+        found += _leaning(parameters)
+        if model is not None:
+            found += _below_zero(view, parameters[0]) or [*_bent(parameters), *_not_told(parameters)]
+    worded = [one.worded(factors or {}, u_shift) for one in found]
+    return CheckResult(
+        log.source,
+        tuple(sorted(worded, key=lambda one: (_ORDER[one.severity], -one.sure))),
+        parameters,
+        None if view.band is None else view.band.cutoff,
+        values.floor_of(view, model),
+        did,
+        clock.seconds_of(log, restarts),
+        len(log),
+        view=None if with_values else view,
+    )
 
 
 def _fails(found: Sequence[Finding]) -> bool:
@@ -223,16 +188,16 @@ def _hold(view: View) -> list[Finding]:
     return check_hold(view.stretches, view.band, values.delay_of(fit, view), view.log.u_hold)
 
 
-def to_mend_first(result: CheckResult | Seen) -> tuple[Finding, ...]:
+def to_mend_first(result: CheckResult) -> tuple[Finding, ...]:
     """What must be said before anything that this log answers: the surest error, without one when u acts."""
     return result.errors[:1] or tuple(one for one in result.findings if one.first)
 
 
 @np.errstate(over="ignore", invalid="ignore")
 def biased_by_noise(
-    seen: Seen, model: PlantModel, observer: ObserverSettings | None = None, known: Collection[str] = ()
+    result: CheckResult, model: PlantModel, observer: ObserverSettings | None = None, known: Collection[str] = ()
 ) -> list[Finding]:
     """Values of the model that noise in the loop biases in any fit, but for those that are `known` from elsewhere."""
-    if seen.errors:  # then no value is looked at
+    if result.errors or result.view is None:  # then no value is looked at
         return []
-    return _leaning([one for one in check_parameters(seen.view, model, observer) if one.name not in known])
+    return _leaning([one for one in check_parameters(result.view, model, observer) if one.name not in known])

@@ -122,23 +122,20 @@ class Bank:
 
     def design(self, terms: Terms, tap: int, keep: bool = True) -> Design:
         """The equations of these effects at a delay of `tap` steps; `keep` caches new columns."""
-        fixed, columns = self._rows(terms, tap, keep)
-        widths = tuple(map(len, columns))
+        rows, widths = self._rows(terms, tap, keep)
         signed = [s for t, n in zip(terms, widths, strict=True) for s in [not_negative(t, n)] * n]
-        rows = [*fixed, *chain.from_iterable(columns)]
         return Design(rows, FIXED * [True] + signed, widths, self._noise_of(terms, widths, keep))
 
     def rows(self, terms: Terms, tap: int, keep: bool = True) -> list[Array]:
         """Those of `design`."""
-        fixed, columns = self._rows(terms, tap, keep)
-        return [*fixed, *chain.from_iterable(columns)]
+        return self._rows(terms, tap, keep)[0]
 
-    def _rows(self, terms: Terms, tap: int, keep: bool) -> tuple[list[Array], list[list[Array]]]:
-        """(drive and the columns that stand before effects, columns of each effect)."""
+    def _rows(self, terms: Terms, tap: int, keep: bool) -> tuple[list[Array], tuple[int, ...]]:
+        """(drive, the columns that stand before effects and those of effects; how many each of these has)."""
         held, at = has_friction(terms), tap + (self._around or 0.0)
         drive, step = self._drive_and_step(inputs_of(terms), tap, keep, held)
         columns = [[] if t.effect.role is Role.INPUT else self.columns(t, at, keep, held) for t in terms]
-        return [drive, self.acceleration, step], columns
+        return [drive, self.acceleration, step, *chain.from_iterable(columns)], tuple(map(len, columns))
 
     def _drive_and_step(self, inputs: Terms, tap: int, keep: bool, held: bool) -> tuple[Array, Array]:
         """(drive, its change over one more step of delay): drive - share x change is the drive between steps."""

@@ -146,7 +146,7 @@ def _left(equations: Equations, model: PlantModel, terms: Terms) -> float:
     """Mean square of what the model leaves of the balance, in rows that count."""
     bank = Bank(equations)
     tap, theta = coefficients_of(model, terms, bank.tap_time)
-    design = bank.design(terms, tap)
-    rest = design.rows[0] - sum(c * x for c, x in zip(theta, design.rows[1:], strict=True))
+    drive, *columns = bank.rows(terms, tap)
+    rest = drive - sum(c * x for c, x in zip(theta, columns, strict=True))
     found = float(np.mean(rest[equations.kept] ** 2))
     return found if math.isfinite(found) else math.inf

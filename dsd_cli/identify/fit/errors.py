@@ -114,8 +114,8 @@ def _errors(bank: Bank, model: PlantModel) -> tuple[Array, Array]:
     tap, theta = coefficients_of(model, terms, bank.tap_time)
     if any("u" in t.effect.needs for t in terms):  # a law of u looks at u as late as the drive is, not at whole steps
         bank = bank.between(float(theta[SHARE]))
-    design, keep = bank.design(terms, tap), bank.equations.kept
-    left = design.rows[0] - theta @ np.stack(design.rows[1:])
+    rows, keep = bank.rows(terms, tap), bank.equations.kept
+    left = rows[0] - theta @ np.stack(rows[1:])
     return left[keep], bank.command((), tap, has_friction(terms))[keep]
 
 

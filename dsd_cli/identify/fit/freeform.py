@@ -198,8 +198,7 @@ def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, in
     bank : in the unit of u. equations : the same rows with the whitening in which they are judged. inertia : that of
         the forward form.
     """
-    rows = bank.design(fit.terms, fit.tap, keep=False).rows
-    drive, acceleration, later, *columns = rows
+    drive, acceleration, later, *columns = bank.rows(fit.terms, fit.tap, keep=False)
     target, other = (-drive, acceleration) if fit.inverse else (inertia * acceleration, drive)
     base, owners, at = [other, later], ["", "", ""], FIXED
     for term, width in zip(fit.terms, fit.widths, strict=True):

@@ -200,7 +200,7 @@ class _Path:
     @cached_property
     def rows(self) -> Array:
         """Drive, acceleration, delay and columns, whitened; shape (p, N)."""
-        return np.stack(self.problem.solver.bank.design(self.fit.terms, self.fit.tap).rows)
+        return np.stack(self.problem.solver.bank.rows(self.fit.terms, self.fit.tap))
 
     def moved(self, speed: Array, zero: float) -> Array:
         """The whitened columns on a motion that is moved by that."""

@@ -161,7 +161,7 @@ class Evidence:
 
     def _left(self, fit: Fit) -> np.ndarray:
         """Whitened residual of the form that is evidence, shape (N,)."""
-        return np.asarray(fit.forward @ np.stack(self.solver.bank.design(fit.terms, fit.tap).rows))
+        return np.asarray(fit.forward @ np.stack(self.solver.bank.rows(fit.terms, fit.tap)))
 
     def matters(self, before: Fit, after: Fit) -> bool:
         """Whether going from one fit to the other is certain and of use."""

@@ -31,7 +31,7 @@ class Scan:
         if solver.known:
             self._left, self._all = _under_rules(solver, terms, tap)
             return
-        drive, acceleration, *others = solver.bank.design(terms, tap).rows
+        drive, acceleration, *others = solver.bank.rows(terms, tap)
         target, other = (-drive, acceleration) if solver.inverse else (solver.inertia * acceleration, drive)
         fixed = _basis(others)
         self._effects = _basis(others[1:]) if others[1:] else np.zeros((0, len(drive)))

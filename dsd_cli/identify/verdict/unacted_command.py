@@ -113,7 +113,7 @@ def _answered(search: Search, whole: Fit, taken_off: Sequence[Recording]) -> flo
     """
     bank, tap = search.problem.errors.bank, whole.tap
     terms = tuple(t for t in whole.terms if t.effect.role is not Role.INPUT)
-    drive, acceleration, *others = bank.design(terms, tap).rows
+    drive, acceleration, *others = bank.rows(terms, tap)
     equations = equations_of(taken_off, bank.equations.startup, bank.equations.bands)
     rest = Bank(equations).drive((), tap, held=has_friction(terms))
     kept = bank.equations.kept
