@@ -311,6 +311,7 @@ def test_limits_of_half_of_what_a_machine_does_hold(
     assert plan.limits.exceeded(exact.q, exact.v, smooth, exact.u) == {}
 
 
+@pytest.mark.usefixtures("quick")
 def test_limits_below_what_breaks_friction_away_are_refused() -> None:
     """The log reached twice the u of these limits, so that an effect that needs more than they allow is there yet."""
     asked = poor("stribeck_friction", "short", 117058, "speed40k")
@@ -359,6 +360,7 @@ def test_other_values_of_what_nobody_believes_make_no_limit_too_narrow(
     assert any("with other likely values of" in warning for warning in plan.warnings)
 
 
+@pytest.mark.usefixtures("quick")
 def test_a_motion_that_no_sensor_shows_is_refused(tied: Asked) -> None:
     with pytest.raises(TooNarrowError, match="no sensor shows it"):
         tied.plan(limits={**tied.limits, "jerk": (0.0, 1e-6)})
@@ -456,6 +458,7 @@ def test_limits_hold_in_the_motion_as_often_as_it_is_made(tied: Asked, monkeypat
     assert plan.limits.low < far.min() < far.max() < plan.limits.high
 
 
+@pytest.mark.usefixtures("quick")
 def test_where_nothing_is_missing_the_motion_goes_on_to_what_the_log_never_visited() -> None:
     """Within 0.1 rad a cubic spring is 1e-3 of u. Limits as wide as the log leave nothing to find out."""
     asked = poor("cubic_stiffness", "small", 87113, "speed40k")
