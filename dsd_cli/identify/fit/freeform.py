@@ -21,6 +21,7 @@ from dsd_cli.identify.fit.blocks import Blocks, Grams, grams, losses, solve, tot
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.stretches import Stretch
+from dsd_cli.identify.results import DELAY
 from dsd_cli.signals.log import Array
 
 #: Groups of channels whose functions are tried, the simple ones first. The acceleration is excluded: as measured, it
@@ -82,7 +83,8 @@ class FreeformFits:
     """Free-form functions beside a fit.
 
     Pulses of the fit keep their coefficients, in every fold as in the fit itself. base : what is explained, and the
-    columns that explain it; owners : the effect of each of these, "" of what is no effect's. apart : see `basis`.
+    columns that explain it; owners : the effect of each of these, or `DELAY`, "" of what is neither's. apart : see
+    `basis`.
     """
 
     equations: Equations
@@ -93,7 +95,7 @@ class FreeformFits:
     pieces: Sequence[Piece]
     apart: float = APART
     _made: dict[tuple[str, ...], tuple[list[Array], Array]] = field(default_factory=dict)
-    _grams: dict[tuple[str, ...], Grams] = field(default_factory=dict)
+    _grams: dict[tuple[tuple[str, ...], bool], Grams] = field(default_factory=dict)
 
     def groups(self) -> list[tuple[str, ...]]:
         """Groups whose channels all stretches have, and that vary."""
@@ -102,29 +104,37 @@ class FreeformFits:
         have |= {GAIN} if "u" in have else set()
         return [g for g in (*SINGLES, *PAIRS) if set(g) <= have]
 
-    def fit_with(self, on: tuple[str, ...], whitened: bool = True) -> Freeform:
-        """Cross-validated; not `whitened`: in the unit of u."""
-        columns, penalty = self.columns(on)
-        found = self._whitened(on) if whitened else grams([*self.base, *columns], self.blocks)
-        alone = found.of(range(len(self.base)))
-        without = losses(solve(alone.fitted), alone, self.blocks)
-        return loss_of([Freeform(on, left, without) for left in self._left(found, penalty)])
+    def fit_with(self, on: tuple[str, ...]) -> Freeform:
+        """Cross-validated."""
+        return Freeform(on, self.without("", on), self.without(""))
 
-    def without(self, effect_id: str, on: tuple[str, ...] = ()) -> Array:
+    def left_of(self, rmse: float, on: tuple[str, ...]) -> float:
+        """What a function leaves of the held-out error of the fit, unit of u.
+
+        The fit has no delay below 0, the base may have one. Where that alone is likelier than the function alone (a u
+        that was sampled, not held, is early), the function has what it takes off beside it, else what both take off.
+        """
+        alone = DELAY if self.without(DELAY, on).sum() < self.without("").sum() else ""
+        squares = (self.without(alone, whitened=False), self.without("", on, whitened=False))
+        before, left = (float(x.sum()) / max(int(self.equations.kept.sum()), 1) for x in squares)
+        return math.sqrt(max(rmse**2 - before + left, left))
+
+    def without(self, effect_id: str, on: tuple[str, ...] = (), whitened: bool = True) -> Array:
         """Held-out squares per block, shape (B,), with a function of these channels (none: without any) in the place of
-        an effect; "" : beside all of them."""
-        every = self._whitened(on)
+        an effect, or of the delay (`DELAY`); "" : beside all of them. Not `whitened`: in the unit of u."""
+        every = self._found(on, whitened)
         hats = range(len(self.base), every.total.shape[-1])
         found = every.of([*(i for i, owner in enumerate(self.owners) if not owner or owner != effect_id), *hats])
         left = self._left(found, self.columns(on)[1]) if on else [losses(solve(found.fitted), found, self.blocks)]
         return min(left, key=lambda squares: float(squares.sum()))
 
-    def _whitened(self, on: tuple[str, ...]) -> Grams:
-        """Of the whitened base, and of the hats over these channels behind it."""
-        if on not in self._grams:
-            rows = (*self.base, *(self.columns(on)[0] if on else ()))
-            self._grams[on] = grams([self.equations.whitened(x) for x in rows], self.blocks)
-        return self._grams[on]
+    def _found(self, on: tuple[str, ...], whitened: bool) -> Grams:
+        """Of the base, and of the hats over these channels behind it."""
+        if (on, whitened) not in self._grams:
+            rows = [*self.base, *(self.columns(on)[0] if on else ())]
+            rows = [self.equations.whitened(x) for x in rows] if whitened else rows
+            self._grams[on, whitened] = grams(rows, self.blocks)
+        return self._grams[on, whitened]
 
     def _left(self, found: Grams, penalty: Array) -> Iterator[Array]:
         """Held-out squares per block with the hats that come last, at each strength of the penalty."""
@@ -174,10 +184,8 @@ class FreeformFits:
         most = max(self.blocks.rows // ROWS_PER_HAT, FEWEST_HATS)
         if on[0] == GAIN:
             return self._gain(on[1], min(HATS, most))
-        if on == ("position",):
-            return basis(self.pieces, on, [min(FINE_HATS, most)], self.apart)
         if len(on) == 1:
-            return basis(self.pieces, on, [min(HATS, most)], self.apart)
+            return basis(self.pieces, on, [min(FINE_HATS if on == ("position",) else HATS, most)], self.apart)
         return basis(self.pieces, on, [min(HATS_IN_PAIR, max(math.isqrt(most), 2))] * len(on), self.apart)
 
     def _gain(self, channel: str, count: int) -> tuple[list[Units], Array]:
@@ -200,7 +208,7 @@ def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, in
     """
     drive, acceleration, later, *columns = bank.rows(fit.terms, fit.tap, keep=False)
     target, other = (-drive, acceleration) if fit.inverse else (inertia * acceleration, drive)
-    base, owners, at = [other, later], ["", "", ""], FIXED
+    base, owners, at = [other, later], ["", "", DELAY], FIXED
     for term, width in zip(fit.terms, fit.widths, strict=True):
         own = columns[at - FIXED : at - FIXED + width]
         if term.effect.listed:  # an event that a fold did not see has no coefficient of its own there
@@ -237,8 +245,3 @@ def rich_residual(fits: FreeformFits) -> Array:
     theta = solve(total_gram(rows)[None], SIZE)[0]
     used = min(len(columns) / max(len(rows[0]), 1), MOST_USED)  # degrees of freedom: a fit leaves less than the noise
     return np.asarray((rows[0] - theta @ np.stack(columns)) / math.sqrt(1.0 - used))
-
-
-def loss_of(found: Sequence[Freeform]) -> Freeform:
-    """The one that gains most."""
-    return max(found, key=lambda f: f.gain)

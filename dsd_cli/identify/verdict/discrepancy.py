@@ -12,7 +12,7 @@ import numpy as np
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.freeform import GAIN, Freeform, loss_of
+from dsd_cli.identify.fit.freeform import GAIN, Freeform
 from dsd_cli.identify.fit.noise import structured_share
 from dsd_cli.identify.fit.row_weights import clear_rows, surely_less
 from dsd_cli.identify.fit.solve import Fit
@@ -75,17 +75,15 @@ def _structured(equations: Equations, residual: Array) -> float:
 
 
 def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) -> Discrepancy:
-    errors, equations = search.problem.errors, search.equations
-    fits = search.freeform(fit)
+    errors, fits = search.problem.errors, search.freeform(fit)
     plain = errors.rmse(fit)
-    share = _structured(equations, errors.residual(fit, held_out=False))
+    share = _structured(search.equations, errors.residual(fit, held_out=False))
     noise = plain * math.sqrt(1.0 - share)
     groups = [fits.fit_with(group) for group in fits.groups() if asked(group)]
     if not groups:
         return Discrepancy((), plain, False, noise)
-    best = loss_of(groups)
-    fall = fits.fit_with(best.on, whitened=False).gain / max(int(equations.kept.sum()), 1)
-    reached = math.sqrt(max(plain**2 - fall, 0.0))
+    best = max(groups, key=lambda f: f.gain)
+    reached = fits.left_of(plain, best.on)
     certain = best.gain / search.noise.nats > POLICY.unknown_nats and reached < (1.0 - POLICY.unknown_fall) * plain
     least, left = POLICY.least_unknown * errors.force, surely_left(search, fit)
     large = min(math.sqrt(max(plain**2 - reached**2, 0.0)), left) > least
@@ -190,8 +188,9 @@ def without_imitations(search: Search, whole: Fit, beyond: Discrepancy) -> tuple
     if not laws:
         return whole, beyond
     best = min(laws, key=lambda law: law.loss)
-    rest = search.fit(best.terms, whole.tap)
-    plain, left = search.problem.errors.rmse(rest), _left(part, fit.tap, best)
+    rest, alone = search.fit(best.terms, whole.tap), part.solver.fit(best.terms, fit.tap)
+    plain, left = (s.problem.errors.rmse(one) for s, one in ((search, rest), (part, alone)))
+    left = part.freeform(alone).left_of(left, best.on)
     if left > (1.0 - POLICY.unknown_fall) * search.problem.errors.rmse(whole):
         return whole, beyond
     return rest, Discrepancy(best.on, min(left, plain), True, beyond.noise)
@@ -210,10 +209,3 @@ def _law(search: Search, whole: Fit, beside: Freeform) -> _Law | None:
             terms, loss = rest, without
     better = loss < float(beside.without.sum()) - POLICY.unknown_nats * nats
     return _Law(on, terms, loss) if better and terms != whole.terms else None
-
-
-def _left(search: Search, tap: int, law: _Law) -> float:
-    """Held-out rms that a law leaves beside its effects, unit of u."""
-    fit = search.solver.fit(law.terms, tap)
-    fall = search.freeform(fit).fit_with(law.on, whitened=False).gain / max(int(search.equations.kept.sum()), 1)
-    return math.sqrt(max(search.problem.errors.rmse(fit) ** 2 - fall, 0.0))
