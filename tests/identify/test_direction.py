@@ -2,11 +2,12 @@
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION
+from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION, best_delay
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.row_weights import weighed
 from dsd_cli.identify.fit.values import whole_inertia
@@ -206,6 +207,22 @@ def test_a_sine_motion_leaves_no_delay_of_a_part_of_its_period():
     logs = recorded(u, speed + 2e-3 * random.normal(size=t.size), place + 1e-5 * random.normal(size=t.size))
     search = Search(pose(logs, PlantModel(7.9, 0.0, {}), Settings()))
     assert search.problem.scale.model(search.refit).delay < 0.01
+
+
+@pytest.mark.parametrize(("colour", "delay"), [(200, 0), (1, 120)])
+def test_a_far_delay_is_taken_for_more_than_chance_explains_of_what_is_left(colour, delay):
+    """A force that is alike for seconds is explained in part by u of a while ago; white noise is not."""
+    force = np.random.default_rng(0).normal(size=800 // colour).repeat(colour)
+    rows = [[force * (1.0 - 0.2 * math.exp(-(((tap - 120) / 20.0) ** 2)))] for tap in range(200)]
+    equations = SimpleNamespace(counted=float(force.size), kept=np.ones(force.size, dtype=bool))
+    bank = SimpleNamespace(tap_time=STEP, equations=equations, rows=lambda _, tap: rows[tap])
+    solver = SimpleNamespace(
+        bank=bank,
+        taps=lambda most: range(most + 1),
+        squares=lambda _terms, tap, keep=False: float(rows[tap][0] @ rows[tap][0]),
+        fit=lambda _terms, tap: SimpleNamespace(tap=tap, forward=np.ones(1)),
+    )
+    assert best_delay(solver, (), 199) == delay
 
 
 def run_up(levels: tuple[float, ...]) -> list:

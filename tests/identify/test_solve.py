@@ -29,7 +29,7 @@ VISCOUS, COULOMB, LOAD, GRAVITY = (
 class Columns:
     """Stands for a bank: any columns under the names of effects; `variance` of the noise in each."""
 
-    tap_time, equations = 1e-3, SimpleNamespace(counted=float(ROWS))
+    tap_time, equations = 1e-3, SimpleNamespace(counted=float(ROWS), kept=np.ones(ROWS, dtype=bool))
 
     def __init__(self, drives, acceleration, columns, variance=()):
         self.drives, self.acceleration, self.by_term, self.variance = drives, acceleration, columns, variance
@@ -43,6 +43,9 @@ class Columns:
             signed += [not_negative(term, widths[-1])] * widths[-1]
         noise = np.diag([*self.variance, *[0.0] * (len(rows) - 1 - len(self.variance))])
         return Design(rows, signed, tuple(widths), noise)
+
+    def rows(self, terms, tap, keep=True):
+        return self.design(terms, tap, keep).rows
 
 
 def _bank(seed, theta, mixing=0.0, noise=0.5, variance=()):

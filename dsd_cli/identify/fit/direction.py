@@ -18,6 +18,7 @@ from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import INERTIA, Bank, Terms
 from dsd_cli.identify.fit.blocks import total_gram, without_noise
 from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.row_weights import shared_inflation
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.policy import POLICY
@@ -95,36 +96,40 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
 
     The likelihood is that of what is left, of unknown variance, N/2 ln SSE. In a motion of few frequencies u of half a
     period ago is as good as u now, with the other sign: each `POLICY.least_delay_range` between a delay and the
-    believed one costs a nat.
+    believed one costs a nat. A force of seconds without a law colours what is left, of which u of a while ago explains
+    some by chance: a far delay is taken only for what it gains beyond that.
 
     near : the best delay of nearly the same rows; all are tried only where the best one is not around it.
     believed : s.
     """
     allowed = solver.taps(most_tap)
-    first, last = allowed[0], allowed[-1]
+    first, last, known = allowed[0], allowed[-1], dict[int, float]()
 
-    def price(tap: int, keep: bool = False) -> float:
-        left = max(solver.squares(terms, tap, keep=keep), 1e-300)
-        distance = abs(tap * solver.bank.tap_time - believed)
-        return 0.5 * solver.bank.equations.counted * math.log(left) + distance / POLICY.least_delay_range
-
-    known = {first: price(first, keep=True)}  # keeps the columns that do not depend on the delay
+    def distance(tap: int) -> float:
+        return abs(tap * solver.bank.tap_time - believed) / POLICY.least_delay_range
 
     def nats(tap: int) -> float:
-        if tap not in known:
-            known[tap] = price(tap)
+        if tap not in known:  # the first one keeps the columns that do not depend on the delay
+            left = max(solver.squares(terms, tap, keep=not known), 1e-300)
+            known[tap] = 0.5 * solver.bank.equations.counted * math.log(left) + distance(tap)
         return known[tap]
 
+    nats(first)
     step = max(1, (len(allowed) - 1) // _COARSE)
-    tried = allowed[::step]
+    tried = coarse = allowed[::step]
     if near is not None:
         near = min(max(near, first), last)
         low, high = max(near - _AROUND * step, first), min(near + _AROUND * step, last)
         around = range(low, high + 1, step)
         tried = around if around[0] < min(around, key=nats) < around[-1] else tried
-    while True:
-        best = min(tried, key=nats)
-        if step == 1:
-            return best
+    best = min(tried, key=nats)
+    while step > 1:
         tried = range(max(best - step, first), min(best + step, last) + 1, max(step // 4, 1))
-        step = max(step // 4, 1)
+        best, step = min(tried, key=nats), max(step // 4, 1)
+    if distance(best) < 1.0:
+        return best
+    here, kept = min((n for n in coarse if distance(n) < 1.0), key=nats, default=best), solver.bank.equations.kept
+    further = distance(best) - distance(here)
+    was, left = (solver.fit(terms, n).forward @ np.stack(solver.bank.rows(terms, n)) for n in (here, best))
+    by_chance = max(shared_inflation(left[kept], (was - left)[kept]), 1.0)  # Bartlett's factor
+    return best if nats(here) - nats(best) + further > further * by_chance else here
