@@ -11,7 +11,7 @@ from dsd_cli.signals.log import Array
 
 #: What goes both ways does so by more than this share of its largest; a current without direction comes down to that.
 BOTH_WAYS = 0.01
-#: From this correlation on it follows the size of a voltage.
+#: From this correlation on it follows the size of a voltage, or of another current.
 FOLLOWS = 0.5
 
 
@@ -20,7 +20,8 @@ def _both_ways(x: Array) -> bool:
 
 
 def with_direction(look: FirstLook, table: Table) -> Recognised | None:
-    """The voltage that is u where the current has no direction, as a supply's; None: nothing shows that."""
+    """The voltage or current that is u where this current has no direction, as a supply's or a size; None: nothing
+    shows that."""
     values = {one.name: one.values for one in table.channels if one.values is not None}
     u, motion = look.found["u"], next((look.found[one] for one in ("velocity", "position") if one in look.found), None)
     if motion is None or not is_current(u.column, u.unit) or not {u.column, motion.column} <= values.keys():
@@ -29,11 +30,15 @@ def with_direction(look: FirstLook, table: Table) -> Recognised | None:
     speed = moved if motion.channel == "velocity" else np.diff(moved)
     if not 0.0 <= np.nanmin(x) < BOTH_WAYS * np.nanmax(x) or not _both_ways(speed):
         return None
+    alike: dict[str, float] = {}
     for name in u.others:
         y = values.get(name)
-        if y is None or not is_voltage(name, look.units[name]) or not _both_ways(y):
+        drives = is_current(name, look.units[name]) or is_voltage(name, look.units[name])
+        if y is None or not drives or not _both_ways(y):
             continue
         both = np.isfinite(x) & np.isfinite(y)
-        if np.corrcoef(x[both], np.abs(y[both]))[0, 1] > FOLLOWS:
-            return Recognised("u", name, look.units[name] or unit_in(name, "u"), (u.column,))
-    return None
+        alike[name] = float(np.corrcoef(x[both], np.abs(y[both]))[0, 1])
+    best = max(alike, key=alike.__getitem__, default="")
+    if not alike.get(best, 0.0) > FOLLOWS:
+        return None
+    return Recognised("u", best, look.units[best] or unit_in(best, "u"), (u.column,))

@@ -26,7 +26,7 @@ from dsd_cli.cli.init_proposal import (
 from dsd_cli.cli.init_questions import column_question, step_question, without_coarse_stamps
 from dsd_cli.cli.init_roles import Chosen, choose
 from dsd_cli.cli.init_stamps import finite_stamps, unit_of_stamps
-from dsd_cli.cli.init_units import step_of, units_of
+from dsd_cli.cli.init_units import doubt_of_step, step_of, units_of
 from dsd_cli.cli.recordings import by_updates, on_its_clock
 from dsd_cli.errors import DsdError, source_name
 from dsd_cli.files.csv_layout import CsvLayout
@@ -132,7 +132,7 @@ def _rows_apart(chosen: Chosen, asked: Asked, said: float | None, out: Proposal)
     if isinstance(told, int | float):
         return float(told)
     found = step_of(chosen.table, chosen.found)
-    why = "the file says so"
+    why = f"the file says so{doubt_of_step(said, chosen.table, chosen.found)}"
     if not said and found is not None and found[1]:
         said, why = found[0], f'"{chosen.found["velocity"].column}" is the slope of the position then'
     if said:

@@ -19,6 +19,7 @@ from dsd_cli.cli.init_union import (
     is_part,
     of_encoder,
     of_other_joints,
+    turning,
     union_of,
     usable,
 )
@@ -172,7 +173,7 @@ def by_names(table: Table, given: Mapping[str, str]) -> FirstLook:
             found[role] = Recognised(role, column, units[column] or unit_in(column, role))
     if table.clock and "time" not in given:
         found.pop("time", None)
-    return FirstLook(tuple(names), units, found, table.clock)
+    return turning(FirstLook(tuple(names), units, found, table.clock))
 
 
 def beside_a_clock(table: Table) -> set[str]:
@@ -235,7 +236,7 @@ def roles_of(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:
     sure = (frozenset(forces), frozenset(moved))
     asked = frozenset({one.name for one in table.channels if is_asked(one.name)} - set(given.values()))
     return guess_roles(
-        table.channels, named, *sure, told=given, rivals=frozenset(others), asked=asked, scale=_seconds(look, table)
+        table.channels, named, *sure, told=given, rivals=tuple(others), asked=asked, scale=_seconds(look, table)
     )
 
 

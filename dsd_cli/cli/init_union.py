@@ -11,6 +11,7 @@ from dsd_cli.files.joints import numbered_as, other_joints
 from dsd_cli.files.recognise import (
     Recognised,
     is_asked,
+    is_error,
     is_force,
     is_motion,
     is_neither,
@@ -20,7 +21,7 @@ from dsd_cli.files.recognise import (
     unit_in,
 )
 from dsd_cli.files.sample import Table
-from dsd_cli.files.words import OF_ENCODER, quaternions, whole_unit
+from dsd_cli.files.words import NAMED, OF_ENCODER, quaternions, whole_unit
 from dsd_cli.signals.facts import Channel, facts_of
 
 #: How evenly a clock rises that has another name.
@@ -120,6 +121,14 @@ def of_encoder(look: FirstLook, taken: Collection[str]) -> dict[str, Recognised]
         if (one := _only(role, counts)) is not None:
             found[role] = one
     return found
+
+
+def turning(look: FirstLook) -> FirstLook:
+    """With the speed that no name says, where one column that was measured is in turns a minute: nothing else is."""
+    units = {c: look.units[c] or unit_in(c, "velocity") for c in look.columns if not is_asked(c) and not is_error(c)}
+    in_turns = {c: unit for c, unit in units.items() if NAMED["velocity"].get(whole_unit(unit)) == "rpm"}
+    one = None if look.found.keys() & {"position", "velocity"} else _only("velocity", in_turns)
+    return look if one is None else replace(look, found={**look.found, "velocity": one})
 
 
 def forces_in(tables: Sequence[Table], found: Mapping[str, Recognised]) -> tuple[str, ...]:

@@ -125,9 +125,9 @@ class Motion(NamedTuple):
 class Look:
     """What is known so far: values without holes, on steps of `dt` (1 where there is no clock).
 
-    `rivals` : columns that could be u as well as the one that is called so. `steps` : those of two levels, which no
-    motion explains, and one of which may be u. `asked` : what was asked for, by its name. `again` : by what it does, or
-    the motion by another sensor.
+    `rivals` : columns that could be u as well as the one that is called so, best first. `steps` : those of two levels,
+    which no motion explains, and one of which may be u. `asked` : what was asked for, by its name. `again` : by what it
+    does, or the motion by another sensor.
     """
 
     values: dict[str, Array]
@@ -136,7 +136,7 @@ class Look:
     found: dict[str, Guess]
     never_motion: frozenset[str] = frozenset()
     never_cause: frozenset[str] = frozenset()
-    rivals: frozenset[str] = frozenset()
+    rivals: tuple[str, ...] = ()
     steps: frozenset[str] = frozenset()
     asked: frozenset[str] = frozenset()
     causes: dict[str, Cause] = field(default_factory=dict)
@@ -229,7 +229,8 @@ def _doubt_cause(look: Look, motions: Sequence[Motion]) -> None:
     None is u where that does so by less. The motion in another unit, and what was asked for, make no doubt.
     """
     mine = look.found["u"].column
-    others = [name for name in look.free() if name in look.rivals]
+    free = {*look.free()}
+    others = [name for name in look.rivals if name in free]
     if mine not in look.values or not others:
         return
     moved = [look.values[one.column] for one in motions]
@@ -237,7 +238,8 @@ def _doubt_cause(look: Look, motions: Sequence[Motion]) -> None:
         causes = [cause_of(look.dt, x, one.kind, look.values[name]) for x, one in zip(moved, motions, strict=True)]
         same = name != mine and any(np.corrcoef(x, look.values[name])[0, 1] ** 2 > 1.0 - SAME for x in moved)
         look.causes[name] = Cause(0.0, 1.0, 0) if same else max(causes, key=lambda one: one.share)
-    best = max(others, key=lambda name: look.causes[name].share)
+    most = max(look.causes[name].share for name in others)  # a current, or the voltage that makes it, as well
+    best = next(name for name in others if look.causes[name].share > most - AS_WELL)
     share, own = look.causes[best].share, look.causes[mine].share
     if share - own > IS_CAUSE:
         look.found["u"] = Guess(best, f"the motion explains {100 * share:.0f} % of it, and {100 * own:.0f} % of {mine}")

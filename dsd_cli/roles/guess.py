@@ -51,7 +51,7 @@ def guess_roles(
     motions: frozenset[str] = frozenset(),
     *,
     told: Collection[str] = (),
-    rivals: frozenset[str] = frozenset(),
+    rivals: tuple[str, ...] = (),
     asked: frozenset[str] = frozenset(),
     scale: float = 1.0,
 ) -> Roles:
@@ -63,7 +63,7 @@ def guess_roles(
     named : role -> column, what names and units say; kept as it is.
     forces : columns whose name or unit says that they are no motion. motions : that they are one, and so not u.
     told : roles of `named` that the user named: these are beyond doubt.
-    rivals : columns whose names make them u as well.
+    rivals : columns whose names make them u as well, best first.
     asked : columns whose names say that they were asked for: none is a motion that was measured.
     scale : s per unit of the time column.
     """

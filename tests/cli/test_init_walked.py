@@ -1,5 +1,6 @@
 """`dsd init` on layouts met in logs that students, makers and labs published: columns and numbers are made up."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -128,3 +129,49 @@ def test_a_speed_that_was_asked_for_is_no_control_input(tmp_path: Path) -> None:
     path = table(tmp_path, "time_s,commanded_deg_s,angle_deg", SHORT["t"], np.round(SHORT["u"]), SHORT["q"])
     found = chosen(path)
     assert "commanded_deg_s" not in (roles(found).get("u"), *found.candidates)
+
+
+@pytest.mark.parametrize("without", [np.abs, lambda x: x * np.sign(SHORT["v"])], ids=["a size", "by power"])
+def test_beside_a_current_without_the_direction_one_that_has_it_is_u_and_no_voltage(without, tmp_path: Path) -> None:
+    """A scooter's drive: the voltage, which has the speed in it, was taken, and its friction with that."""
+    names, volts = "ms;current_motor;d_axis_current;q_axis_current;erpm;q_axis_voltage", 0.3 * SHORT["u"] + SHORT["v"]
+    still = 0.01 + 0.0 * SHORT["t"]
+    columns = (1e3 * SHORT["t"], without(SHORT["u"]), still, SHORT["u"], 70.0 * SHORT["v"], volts)
+    found = chosen(table(tmp_path, names, *columns, by=";"))
+    assert roles(found) == {"time": "ms", "u": "q_axis_current", "velocity": "erpm"}
+
+
+def test_a_speed_that_only_its_unit_names_is_the_motion(tmp_path: Path) -> None:
+    """A drive's loops by their letters, without the position: `--u NAME --position NAME` was asked for."""
+    names = "Time (ms);IL.CMD (Arms);IL.FB (Arms);VL.CMD (rpm);VL.FB (rpm)"
+    noise = 0.02 * np.random.default_rng(7).standard_normal(SHORT["u"].size)
+    currents = (SHORT["u"], SHORT["u"] + noise)
+    found = chosen(table(tmp_path, names, 1e3 * SHORT["t"], *currents, np.roll(SHORT["v"], -4), SHORT["v"], by=";"))
+    assert (roles(found).get("velocity"), roles(found).get("u") in names.split(";")[1:3]) == ("VL.FB (rpm)", True)
+
+
+def test_matrices_beside_their_time_are_one_log(tmp_path: Path) -> None:
+    """A simulator's rollout was "4 tests one after the other", four times as long."""
+    columns = {name: [[x, 0.3] for x in SHORT[k].tolist()] for name, k in (("qpos", "q"), ("qvel", "v"), ("ctrl", "u"))}
+    path = tmp_path / "rollout.json"
+    path.write_text(json.dumps({"time": SHORT["t"].tolist(), **columns}))
+    looked = sample(str(path))
+    assert looked.notes == ()
+    assert {one.name for table in looked.tables for one in table.channels}.isdisjoint({"1", "2"})
+    found = roles(choose(path.name, looked, {}))
+    assert found == {"time": "time", "u": "ctrl/1", "velocity": "qvel/1", "position": "qpos/1"}
+
+
+@pytest.mark.parametrize(("step", "doubt"), [(0.004, False), (0.0004, True)])
+def test_the_step_that_a_document_says_is_that_of_its_rows_unless_the_motion_says_another(
+    step: float, doubt: bool, tmp_path: Path
+) -> None:
+    """Rows are 4 ms apart; a simulator's own step may be a tenth of that."""
+    lists = zip(*(SHORT[k].tolist() for k in "quv"), strict=True)
+    rows = [{"step": k, "dof_pos": [q], "dof_torque": [u], "dof_vel": [v]} for k, (q, u, v) in enumerate(lists)]
+    path = tmp_path / "run.json"
+    path.write_text(json.dumps({"metadata": {"dt": step, "robot": "arm"}, "data": rows}))
+    answer = proposed(path)
+    assert f"sample_time = {step}" in answer.text
+    (line,) = (line for line in answer.said if line.startswith("sample_time"))
+    assert ("0.004" in line.partition("the file says so")[2]) is doubt

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from dsd_cli.errors import DataError, DsdError
+from dsd_cli.signals.clock import FASTEST, SLOWEST
 from dsd_cli.signals.log import Array
 
 #: Metadata: when the recording began, ISO 8601.
@@ -114,6 +115,15 @@ def check_size(path: str, size: float) -> None:
             f"{path}: unpacks to {size / 1e9:,.0f} GB, and there are {memory / 1e9:,.0f} GB of memory",
             "write it in pieces, or as Parquet, which is read piece by piece",
         )
+
+
+#: What a single number is called that is the s between samples: as in an iddata, in what a simulator was set to.
+_SAMPLE_TIMES = {"ts", "dt", "sampletime", "sample_time", "tsample", "timestep", "time_step"}
+
+
+def says_sample_time(name: str, value: Any) -> bool:
+    """Whether a single number beside channels is the s between their samples."""
+    return name.lower() in _SAMPLE_TIMES and isinstance(value, int | float) and FASTEST <= value <= SLOWEST
 
 
 def lies_in_rows(shape: tuple[int, ...]) -> bool:

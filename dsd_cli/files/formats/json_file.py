@@ -15,7 +15,7 @@ import numpy as np
 from dsd_cli.errors import DataError
 from dsd_cli.files.content import text_of
 from dsd_cli.files.csv_cells import stamps_in
-from dsd_cli.files.formats.base import InMemory, check_size
+from dsd_cli.files.formats.base import InMemory, check_size, says_sample_time
 from dsd_cli.files.formats.long_form import form_by_texts, turned
 from dsd_cli.files.formats.messages import LONGEST_ARRAY, fields
 from dsd_cli.signals.log import Array
@@ -47,11 +47,13 @@ class JsonFile(InMemory):
         found: dict[str, Table] = {}
         of_sysid = isinstance(document, Mapping) and document.get("sysid") is True
         _collect(document, "", found, SYSID if of_sysid else {})
-        joined = _joined([table for table in found.values() if len(table) > 1])
+        joined = _joined([table for name, table in found.items() if len(table) > 1 and not _beside_arrays(name, found)])
         channels = dict(joined)
         for name, table in found.items():
             channels |= {f"{name}/{column}" if name else column: values for column, values in table.items()}
         super().__init__(channels, units=_units(document, list(channels)) if isinstance(document, Mapping) else {})
+        said = _sample_times(document)
+        self.sample_time = said.pop() if len(said) == 1 else None
         if joined:
             parts = sum(table.keys() == joined.keys() for table in found.values())
             self.notes.append(f"{parts} tests with the same columns are read one after the other")
@@ -157,6 +159,21 @@ def _records(records: list[Any]) -> Table:
             texts[key] = [cell or "" for cell in cells]
     long = form_by_texts(table, texts)
     return table if long is None else turned("", long, table, texts)[0]
+
+
+def _beside_arrays(name: str, found: Mapping[str, Table]) -> bool:
+    """Whether a table is a matrix beside arrays as long: signals of one log (qpos, qvel beside time), and no test."""
+    around = found.get(name.rpartition("/")[0], {}) if name else {}
+    lengths = {column.size for column in found[name].values()}
+    return all(map(str.isdigit, found[name])) and not lengths.isdisjoint(x.size for x in around.values())
+
+
+def _sample_times(value: Any) -> set[float]:
+    """The s between samples that a document says beside its samples, in what it has by name."""
+    if not isinstance(value, Mapping):
+        return set()
+    own = {float(one) for key, one in value.items() if says_sample_time(str(key), one)}
+    return own.union(*(_sample_times(one) for one in value.values()))
 
 
 def _joined(tables: list[Table]) -> Table:

@@ -10,9 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.files.formats.base import InMemory, check_size, columns_of
+from dsd_cli.files.formats.base import InMemory, check_size, columns_of, says_sample_time
 from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, not_seen, object_channels
-from dsd_cli.signals.clock import FASTEST, SLOWEST
 from dsd_cli.signals.log import Array
 
 #: Where a file keeps what is in its objects.
@@ -91,8 +90,6 @@ def _claimed(path: str) -> float:
 
 #: A field of a struct from so many numbers on is a channel: fewer are gains, or a matrix, of a controller.
 FEWEST = 20
-#: What a single number is called that is the s between samples, as in an iddata.
-_SAMPLE_TIMES = {"ts", "dt", "sampletime", "sample_time", "tsample"}
 
 
 def _sample_time(variables: Mapping[str, Any]) -> float | None:
@@ -101,7 +98,7 @@ def _sample_time(variables: Mapping[str, Any]) -> float | None:
     for name, value in variables.items():
         if isinstance(value, Mapping):
             said |= {inside} if _records(value) and (inside := _sample_time(value)) is not None else set()
-        elif name.lower() in _SAMPLE_TIMES and isinstance(value, int | float) and FASTEST <= value <= SLOWEST:
+        elif says_sample_time(name, value):
             said.add(float(value))
     return said.pop() if len(said) == 1 else None
 
