@@ -66,7 +66,8 @@ def motion_columns(dt: float, x: Array, kind: str, size: int) -> Array:
 
 def cause_of(dt: float, x: Array, kind: str, u: Array) -> Cause:
     """How well `u`, as it was some samples before, is a sum of what the motion `x` has; both finite, shape (n,)."""
-    best = Cause(0.0, 0.0, 0)
+    # of what a spoiled file holds (1e307) a power is no number any more; of a power of two all digits stay
+    best, (x, u) = Cause(0.0, 0.0, 0), (np.ldexp(one, -np.frexp(np.abs(one).max(initial=0.0))[1]) for one in (x, u))
     for blocks in BLOCKS:
         size = max(x.size // blocks, 1)
         columns = motion_columns(dt, x, kind, size)
@@ -85,11 +86,8 @@ def cause_of(dt: float, x: Array, kind: str, u: Array) -> Cause:
 
 def _held_out(columns: Array, y: Array) -> float:
     """Share of the variance of y that the columns explain where they were not fitted, two ways; below 0 is 0."""
-    # of what a spoiled file holds (1e307) a power is no number any more
-    scale, size = np.abs(columns).max(axis=0), float(np.abs(y).max())
-    if not (np.isfinite(scale).all() and 0.0 < size < np.inf):
-        return 0.0
-    columns, y = columns[:, scale > 0.0] / scale[scale > 0.0], y / size
+    scale = np.abs(columns).max(axis=0)
+    columns = columns[:, scale > 0.0] / scale[scale > 0.0]
     part = (np.arange(y.size) * PARTS // max(y.size, 1)) % 2
     left = total = 0.0
     for fitted in (0, 1):
@@ -229,8 +227,7 @@ def _doubt_cause(look: Look, motions: Sequence[Motion]) -> None:
     None is u where that does so by less. The motion in another unit, and what was asked for, make no doubt.
     """
     mine = look.found["u"].column
-    free = {*look.free()}
-    others = [name for name in look.rivals if name in free]
+    others = [name for name in look.rivals if name in look.free()]
     if mine not in look.values or not others:
         return
     moved = [look.values[one.column] for one in motions]

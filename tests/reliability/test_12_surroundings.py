@@ -127,6 +127,7 @@ def test_numbers_of_which_a_spoiled_file_is_full_have_no_powers(tmp_path, names,
     assert "unexpected" not in result.stderr
 
 
+@pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("kind", ["position", "velocity"])
 def test_a_channel_with_one_number_beyond_all_others_is_nobodys_cause(kind):
     t = np.arange(3000) * 0.002
