@@ -13,7 +13,7 @@ from dsd_cli.cli.fleet_pools import DaskPool, Pool, ProcessPool, run_all
 from dsd_cli.cli.fleet_tasks import COMMAND, COMMON, DONE, Row, Task
 from dsd_cli.cli.progress import is_terminal, span, three
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.files.fleet_parts import Part
+from dsd_cli.files.fleet_parts import FleetShard
 from dsd_cli.files.fleet_table import KEY, Journal, load_writers, read_rows
 
 _ELSEWHERE = "write to another file with -o, or say --anew to lose it"
@@ -41,7 +41,7 @@ class Ran:
 
 
 def run_fleet(
-    tasks: list[Task], output: Path, workers: Workers, anew: bool, quiet: bool, part: Part | None = None
+    tasks: list[Task], output: Path, workers: Workers, anew: bool, quiet: bool, part: FleetShard | None = None
 ) -> Ran:
     """Work on every log that has no row yet, and write the table, or `part` of one.
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from dsd_cli import __version__
 from dsd_cli.cli.fleet_tasks import Task
 from dsd_cli.errors import UsageError
-from dsd_cli.files.fleet_parts import Part, check_part
+from dsd_cli.files.fleet_parts import FleetShard, check_part
 
 
 def shard_of(text: str, output: str) -> tuple[int, int]:
@@ -28,7 +28,7 @@ def shard_of(text: str, output: str) -> tuple[int, int]:
     return shard, of
 
 
-def cut(tasks: list[Task], shard: tuple[int, int]) -> tuple[list[Task], Part]:
+def cut(tasks: list[Task], shard: tuple[int, int]) -> tuple[list[Task], FleetShard]:
     """The tasks of that shard, and what part of the whole they are; times and places of files do not count.
 
     Raises
@@ -39,7 +39,7 @@ def cut(tasks: list[Task], shard: tuple[int, int]) -> tuple[list[Task], Part]:
     if of > len(tasks):
         raise UsageError(f"--shard {number}/{of}: there are {len(tasks):,} logs", f"at most {len(tasks):,} shards")
     logs = _digest(part for task in tasks for part in (task.log, task.config.name, task.machine, task.date))
-    return tasks[number - 1 :: of], Part(
+    return tasks[number - 1 :: of], FleetShard(
         number, of, len(tasks), tasks[0].command, __version__, logs, _digest(_settings(tasks))
     )
 

@@ -48,7 +48,7 @@ from dsd_cli.report.diagnosis import DiagnosisReport
 from dsd_cli.report.ladder import LadderReport, step_line
 from dsd_cli.report.names import listed
 from dsd_cli.report.page.series import Views, channels_of, views
-from dsd_cli.report.page.story import Labels, Part, SourceFile, Story
+from dsd_cli.report.page.story import Labels, Outcome, SourceFile, Story
 
 if TYPE_CHECKING:
     from dsd_cli.cli.labels_out import Write
@@ -142,18 +142,18 @@ class Teller:
     warnings: list[str] = field(default_factory=list)
     law: Learnt | None = None
 
-    def attempt(self, what: str, run: Callable[[], T]) -> Part[T]:
+    def attempt(self, what: str, run: Callable[[], T]) -> Outcome[T]:
         """The result, or why there is none; that is said on stderr too."""
         try:
-            return Part(run())
+            return Outcome(run())
         except DsdError as failure:
             line = str(failure)
         except MemoryError:
             line = "not enough memory"
         warn(self.quiet, [f"{what}: {line}"])
-        return Part(None, line)
+        return Outcome(None, line)
 
-    def at_the_end(self, text: str, given: Part[Given], ladder: Part[LadderReport]) -> tuple[str, Config, str]:
+    def at_the_end(self, text: str, given: Outcome[Given], ladder: Outcome[LadderReport]) -> tuple[str, Config, str]:
         """(the config that results, the one to detect with, what that has from the model at the end, in words)."""
         steps = ladder.value.result.steps if ladder.value else ()
         if not steps or given.value is None:
@@ -172,7 +172,7 @@ class Teller:
         effects = f", with {listed(steps[-1].model.effects)}" if steps[-1].model.effects else ""
         return new, config, f"{model}{effects}" + (f"; refreshed: {fresh.said}" if fresh.said else "")
 
-    def detections(self, config: Config) -> tuple[tuple[str, Part[Labels]], ...]:
+    def detections(self, config: Config) -> tuple[tuple[str, Outcome[Labels]], ...]:
         """The labels of each log, where the config has states."""
         if config.states is None:
             return ()
@@ -180,25 +180,28 @@ class Teller:
         return tuple(zip(self.logs, parts, strict=True))
 
     def identified(
-        self, given: Part[Given], more: int
-    ) -> tuple[Part[Report], Part[LadderReport], Part[DiagnosisReport], Part[Views]]:
+        self, given: Outcome[Given], more: int
+    ) -> tuple[Outcome[Report], Outcome[LadderReport], Outcome[DiagnosisReport], Outcome[Views]]:
         """compare, improve, diagnose, and the curves of all steps; `more` curves are drawn beside these."""
         if given.value is None:
-            return Part(None, given.missing), Part(None, given.missing), Part(None, given.missing), Part(None, "")
+            why = given.missing
+            return Outcome(None, why), Outcome(None, why), Outcome(None, why), Outcome(None, "")
         known = given.value
         self.warnings += beyond_known(self.config)
         comparison = self.attempt("compare", lambda: _compared(known))
         first: list[Diagnosis] = []
         ladder = self.attempt("improve", lambda: self._climbed(known, first))
-        diagnosis = self.attempt("diagnose", lambda: _diagnosed(known, first)) if first else Part(None, ladder.missing)
+        diagnosis = (
+            self.attempt("diagnose", lambda: _diagnosed(known, first)) if first else Outcome(None, ladder.missing)
+        )
         models = [step.model for step in ladder.value.result.steps] if ladder.value else [known.model]
         curves = self.attempt("curves", lambda: views(known.recordings, models, known.observer, more))
         return comparison, ladder, diagnosis, curves
 
-    def planned(self, given: Part[Given], diagnosis: Part[DiagnosisReport]) -> Part[Plan]:
+    def planned(self, given: Outcome[Given], diagnosis: Outcome[DiagnosisReport]) -> Outcome[Plan]:
         """The motion that would settle what the first diagnosis leaves open; none where it leaves nothing."""
         if given.value is None or diagnosis.value is None or not left_open(diagnosis.value.result):
-            return Part(None, "")
+            return Outcome(None, "")
         known, wanted = given.value, request(self.config, (), (None, (), None, None)).wanted
         with Progress(not self.quiet) as progress:
             return self.attempt("plan", lambda: plan_for(known, wanted, progress)[0])

@@ -14,7 +14,7 @@ from dsd_cli.design.explanations import Explanation
 from dsd_cli.design.inverse import Path, actuated, command_for
 from dsd_cli.design.limits import TooNarrowError
 from dsd_cli.design.measure import ENOUGH, Measure
-from dsd_cli.design.motions import ROOM, Part, Room, position_of
+from dsd_cli.design.motions import ROOM, MotionSegment, Room, position_of
 from dsd_cli.design.optimise import Sized
 from dsd_cli.design.results import Impossible
 from dsd_cli.design.targets import GAIN, Targets, apart, within_reach
@@ -68,7 +68,7 @@ def able_to_move(
     ------
     DataError : the first of them is one. TooNarrowError : only the limit of u makes it one.
     """
-    gentle = position_of(Part("harmonics", 4.0, (0.0, 1.0, 0.5, 0.0), scale=GENTLE), room)
+    gentle = position_of(MotionSegment("harmonics", 4.0, (0.0, 1.0, 0.5, 0.0), scale=GENTLE), room)
     path, allowed = Path.of(gentle, room.step), room.limits.u
     still = Path(1.0, np.linspace(room.limits.low, room.limits.high, _PLACES), np.zeros(_PLACES), np.zeros(_PLACES))
     reached = allowed if room.reached is None else max(allowed, room.reached.u)

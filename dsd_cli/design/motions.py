@@ -29,7 +29,7 @@ _MOST_HARMONICS = 8
 
 
 @dataclass(frozen=True)
-class Part:
+class MotionSegment:
     """kind : of `KINDS`. seconds : its length. values : of shape (4,), in [0, 1]. scale : of its size."""
 
     kind: str
@@ -69,12 +69,12 @@ class Room:
         return self.limits.acceleration / self.limits.jerk
 
 
-def position_of(part: Part, room: Room) -> Array:
+def position_of(part: MotionSegment, room: Room) -> Array:
     """Position of a part, shape (n,), from rest at the start to rest there."""
     return room.limits.start + part.scale * _largest(part, room)[0]
 
 
-def _largest(part: Part, room: Room) -> tuple[Array, float]:
+def _largest(part: MotionSegment, room: Room) -> tuple[Array, float]:
     """(way of the part at full scale, share in which it fades): of several shares the one with which the limits let
     it move most, as a rise that is quick for its size takes all of a jerk for itself."""
     t = room.step * np.arange(part.samples(room.step) + 1, dtype=np.float64)
@@ -219,7 +219,7 @@ def _reversals(t: Array, values: Array, room: Room) -> Array:
     return np.asarray(size * np.sin(2.0 * np.pi * frequency * t))
 
 
-def generator_values(part: Part, room: Room) -> dict[str, list[float]]:
+def generator_values(part: MotionSegment, room: Room) -> dict[str, list[float]]:
     """What to set on a drive that has a generator alone: Hz, s, and sizes, ways and speeds in SI.
 
     Of harmonics each line; of a chirp both frequencies; of reversals the size of each; else each move, in order.

@@ -14,7 +14,7 @@ import numpy as np
 
 from dsd_cli.design.inverse import Path
 from dsd_cli.design.measure import Measure
-from dsd_cli.design.motions import KINDS, ROOM, Part, Room, position_of
+from dsd_cli.design.motions import KINDS, ROOM, MotionSegment, Room, position_of
 from dsd_cli.design.rows import Products
 from dsd_cli.signals.log import Array
 
@@ -35,7 +35,7 @@ Report = Callable[[float], None]
 class Sized:
     """A part within its limits, and its inner products."""
 
-    part: Part
+    part: MotionSegment
     products: Products
 
 
@@ -43,13 +43,13 @@ def _all(measure: Measure, parts: Sequence[Sized]) -> Products:
     return sum((one.products for one in parts), measure.nothing)
 
 
-def joined(parts: Sequence[Part], room: Room) -> Array:
+def joined(parts: Sequence[MotionSegment], room: Room) -> Array:
     """Position of the whole motion: one part after the other, shape (n,)."""
     pieces = [position_of(part, room) for part in parts]
     return np.concatenate([pieces[0], *(piece[1:] for piece in pieces[1:])])
 
 
-def sized(measure: Measure, room: Room, part: Part) -> Sized | None:
+def sized(measure: Measure, room: Room, part: MotionSegment) -> Sized | None:
     """The part, so small that no likely plant needs more u than is allowed; None where it does not help."""
     most = ROOM * room.limits.u
     reach = measure.known.band.half * measure.known.sample_time + measure.longest_delay + 4.0 * room.step
@@ -75,7 +75,7 @@ def library_of(measure: Measure, room: Room, seconds: float, report: Report = la
     found = []
     for i, kind in enumerate(KINDS):
         for _ in range(_TRIED):
-            part = Part(kind, length, tuple(random.uniform(size=4).tolist()))
+            part = MotionSegment(kind, length, tuple(random.uniform(size=4).tolist()))
             one = sized(measure, room, part)
             found += [one] if one is not None else []
         report((i + 1) / len(KINDS))
@@ -103,7 +103,7 @@ def _best(measure: Measure, library: Sequence[Sized], beside: Sequence[Sized]) -
     return max(library, key=lambda one: measure.worth(TIMES * (known + one.products)))
 
 
-def optimised(measure: Measure, room: Room, seconds: float, library: Sequence[Sized]) -> tuple[Part, ...]:
+def optimised(measure: Measure, room: Room, seconds: float, library: Sequence[Sized]) -> tuple[MotionSegment, ...]:
     """The parts of a motion of so many s, the numbers of each where the whole is best. library : for that length."""
     chosen = _chosen(measure, library, seconds)
     for i in range(len(chosen)):

@@ -15,7 +15,7 @@ from dsd_cli.design.impossible import able_to_move, beyond_u, not_by_motion, tol
 from dsd_cli.design.inverse import Path, command_for
 from dsd_cli.design.limits import Limits, TooNarrowError, limits_of, slowed, unvisited, used
 from dsd_cli.design.measure import ENOUGH, Measure
-from dsd_cli.design.motions import ROOM, Part, Room, generator_values
+from dsd_cli.design.motions import ROOM, MotionSegment, Room, generator_values
 from dsd_cli.design.next_log import expected_of
 from dsd_cli.design.optimise import TIMES, Sized, joined, library_of, optimised
 from dsd_cli.design.results import Impossible, Motion, Plan, PlannedPair, PlannedValue, Stage
@@ -150,7 +150,7 @@ class _Asked:
         return (Loop(self.wanted.controller, replace(self.observer, sign=1), self.room.step, described=True),)
 
     def _verified(
-        self, measure: Measure, parts: tuple[Part, ...], impossible: Sequence[Impossible]
+        self, measure: Measure, parts: tuple[MotionSegment, ...], impossible: Sequence[Impossible]
     ) -> tuple[Plan, float, Sequence[str]]:
         """(the motion so small that every plant keeps the limits under the loop, scored by what they did there; its
         smallest nats; explanations that are none).
@@ -220,7 +220,7 @@ class _Asked:
 
 def _enough(
     measure: Measure, room: Room, wanted: Wanted, library: Sequence[Sized], report: Report
-) -> tuple[float, tuple[Part, ...], dict[float, float]]:
+) -> tuple[float, tuple[MotionSegment, ...], dict[float, float]]:
     """(first length that is enough, or the last; different parts of it; length -> smallest nats, of several)."""
     found, cost = [], {}
     for i, seconds in enumerate(wanted.seconds):
@@ -255,7 +255,7 @@ def _steps_of_delay(measure: Measure, room: Room) -> int:
     return math.ceil(measure.longest_delay / room.step) + 3  # of a speed by differences two steps more are at rest
 
 
-def _stages(parts: Sequence[Part], room: Room, at: float) -> tuple[Stage, ...]:
+def _stages(parts: Sequence[MotionSegment], room: Room, at: float) -> tuple[Stage, ...]:
     ends = (at + room.step * np.cumsum([0, *(part.samples(room.step) for part in parts)])).tolist()
     each = zip(parts, ends, ends[1:], strict=False)
     return tuple(Stage(part.kind, start, end, generator_values(part, room)) for part, start, end in each)

@@ -10,7 +10,7 @@ import numpy as np
 from dsd_cli.design.closed_loop import SETTLE, Loop, Run, UnstableLoopError, run_loop
 from dsd_cli.design.inverse import Path, command_for
 from dsd_cli.design.limits import Limits, TooNarrowError
-from dsd_cli.design.motions import FADES, Part, Room
+from dsd_cli.design.motions import FADES, MotionSegment, Room
 from dsd_cli.design.optimise import TIMES, joined
 from dsd_cli.design.targets import Targets
 from dsd_cli.effects import Role, get_effect
@@ -36,7 +36,7 @@ class Verified:
     """parts : of the motion, each once. runs : what each plant did. lost : names of explanations
     that broke a limit on every motion. unstable : a line for each plant whose loop was not stable."""
 
-    parts: tuple[Part, ...]
+    parts: tuple[MotionSegment, ...]
     runs: Mapping[Key, Run]
     lost: tuple[str, ...]
     unstable: tuple[str, ...]
@@ -46,7 +46,7 @@ def verified(
     targets: Targets,
     plants: Mapping[Key, PlantModel],
     led: PlantModel,
-    parts: tuple[Part, ...],
+    parts: tuple[MotionSegment, ...],
     room: Room,
     loops: Sequence[Loop],
     allowed: Limits,
@@ -103,7 +103,7 @@ def verified(
     )
 
 
-def _planned(led: PlantModel, parts: Sequence[Part], room: Room, loop: Loop) -> tuple[Path, Array]:
+def _planned(led: PlantModel, parts: Sequence[MotionSegment], room: Room, loop: Loop) -> tuple[Path, Array]:
     """(path of these parts, rest before it included; the u that is fed forward)."""
     rested = np.pad(joined(parts, room), (round(SETTLE / room.step), 0), mode="edge")
     wanted = Path.of(rested[:: round(loop.step / room.step)], loop.step)
@@ -111,8 +111,8 @@ def _planned(led: PlantModel, parts: Sequence[Part], room: Room, loop: Loop) -> 
 
 
 def _smaller(
-    parts: Sequence[Part], run: Run, room: Room, allowed: Limits, last: dict[int, tuple[float, float]]
-) -> tuple[Part, ...]:
+    parts: Sequence[MotionSegment], run: Run, room: Room, allowed: Limits, last: dict[int, tuple[float, float]]
+) -> tuple[MotionSegment, ...]:
     """The parts in which a plant broke a limit, smaller; what breaks while a part begins may be the one before.
 
     last : place of a part -> its scale when this plant last broke a limit in it, and the share that it reached there: a

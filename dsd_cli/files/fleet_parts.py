@@ -26,7 +26,7 @@ _SHARED = {
 
 
 @dataclass(frozen=True)
-class Part:
+class FleetShard:
     """Shard `shard` (1 to `of`) of `count` logs; `logs` and `configs` are digests of what the whole fleet was given."""
 
     shard: int
@@ -75,7 +75,7 @@ def joined(paths: Sequence[Path]) -> list[dict[str, Any]]:
     return [found[k % first.of + 1][k // first.of] for k in range(first.count)]
 
 
-def _part(path: Path) -> Part:
+def _part(path: Path) -> FleetShard:
     """What the file says of itself."""
     import pyarrow as pa
     import pyarrow.parquet as pq
@@ -85,7 +85,7 @@ def _part(path: Path) -> Part:
         raise DataError(f"{path}: {why}", "dsd fleet detect, compare or diagnose with --shard writes it")
     none = DataError(f"{path}: is no part of a fleet", "dsd fleet detect, compare or diagnose with --shard writes it")
     try:
-        return Part(**json.loads((pq.read_schema(path).metadata or {})[_PLACE.encode()]))
+        return FleetShard(**json.loads((pq.read_schema(path).metadata or {})[_PLACE.encode()]))
     except OSError as error:
         raise DataError(f"{path}: cannot be read ({error.strerror or error})") from None
     except (pa.ArrowException, ValueError, KeyError, TypeError):

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.report.figure import MEASURED, PREDICTED, channel_label, headline, legend_above, line, sheet, shortened
-from dsd_cli.report.timeline import Part, timeline
+from dsd_cli.report.timeline import TimedPiece, timeline
 from dsd_cli.signals.log import Array, Log
 from dsd_cli.signals.units import Units
 
@@ -59,7 +59,7 @@ def draw(name: str, log: Log, restarts: Sequence[int], units: Units) -> Any:
     """The figure. `restarts` : rows at which another recording, or another stretch, begins."""
     edges = [0, *(at for at in restarts if 0 < at < len(log)), len(log)]
     times: Array = log["t"] if "t" in log else np.asarray(log.sample_time * np.arange(len(log)))
-    time = timeline([Part(name, times[a:b]) for a, b in pairwise(edges)])
+    time = timeline([TimedPiece(name, times[a:b]) for a, b in pairwise(edges)])
     shown = panels_of(log)
     figure = sheet(11.0, 1.65 * len(shown) + 1.1)
     axes = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]

@@ -26,7 +26,7 @@ from dsd_cli.report.figure import (
     sheet,
     shortened,
 )
-from dsd_cli.report.timeline import Part, timeline
+from dsd_cli.report.timeline import TimedPiece, timeline
 from dsd_cli.signals.log import Array, Log
 from dsd_cli.signals.units import Units
 
@@ -84,7 +84,7 @@ def _said(result: CheckResult) -> str:
 def _draw_channels(panels: Any, channels: Sequence[str], checked: Sequence[Checked], units: Units) -> None:
     """A channel that a finding is about is drawn in the colour of faults."""
     pieces = [(one, part) for one in checked for part in _pieces(one)]
-    time = timeline([Part(one.log.source, _stamps(one.log)[part]) for one, part in pieces])
+    time = timeline([TimedPiece(one.log.source, _stamps(one.log)[part]) for one, part in pieces])
     for panel, name in zip(panels, channels, strict=True):
         panel.sharex(panels[0])
         wrong = any(f.channel == name and f.severity == "error" for one in checked for f in one.result.findings)

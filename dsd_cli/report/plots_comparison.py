@@ -29,7 +29,7 @@ from dsd_cli.report.figure import (
 )
 from dsd_cli.report.names import error, force_error
 from dsd_cli.report.plots_residual import draw_correlation, draw_dependence, draw_regimes
-from dsd_cli.report.timeline import Part, Timeline, timeline, zero
+from dsd_cli.report.timeline import TimedPiece, Timeline, timeline, zero
 from dsd_cli.report.views_comparison import Curve, curves_over, spectrum_of
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.units import Units
@@ -78,7 +78,7 @@ def title(result: Comparison) -> str:
 def _draw_time(panels: list[Any], evaluation: Evaluation, aside: Evaluation | None, units: Units) -> None:
     stretches = [*evaluation.stretches, *(aside.stretches if aside is not None else ())]
     held = len(stretches) - len(evaluation.stretches)
-    parts = [Part(s.name, s.judged(s.log["t"]), i >= len(stretches) - held) for i, s in enumerate(stretches)]
+    parts = [TimedPiece(s.name, s.judged(s.log["t"]), i >= len(stretches) - held) for i, s in enumerate(stretches)]
     time = timeline(parts)
 
     def put(panel: Any, of: Callable[[Stretch], Array], color: str, label: str | None = None) -> None:

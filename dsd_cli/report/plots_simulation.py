@@ -23,7 +23,7 @@ from dsd_cli.report.figure import (
     sheet,
     shortened,
 )
-from dsd_cli.report.timeline import Part, Timeline, timeline, zero
+from dsd_cli.report.timeline import TimedPiece, Timeline, timeline, zero
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.units import Units
 
@@ -40,7 +40,7 @@ def draw(report: Report, units: Units) -> Any:
     assert isinstance(result, Forward)
     traces = [*result.traces, *(report.holdout.traces if report.holdout is not None else ())]
     held = len(traces) - len(result.traces)
-    time = timeline([Part(one.name, one.t, i >= len(traces) - held) for i, one in enumerate(traces)])
+    time = timeline([TimedPiece(one.name, one.t, i >= len(traces) - held) for i, one in enumerate(traces)])
     channels = list(traces[0].measured)
     figure = sheet(11.0, 4.1 * len(channels) + 0.8)
     axes = figure.subplots(2 * len(channels), 1, sharex=True, height_ratios=[1.4, 0.8] * len(channels))

@@ -23,7 +23,7 @@ from dsd_cli.report.figure import (
     shortened,
 )
 from dsd_cli.report.names import force_error
-from dsd_cli.report.timeline import Part, Timeline, timeline, zero
+from dsd_cli.report.timeline import TimedPiece, Timeline, timeline, zero
 from dsd_cli.report.versus import verdict_line
 from dsd_cli.report.views_comparison import bins_for
 from dsd_cli.signals.log import Array
@@ -43,7 +43,7 @@ def draw(found: Versus, units: Units) -> Any:
     for one, name in zip(models, _named(models), strict=True):
         said = said.replace(one.name, name)
     headline(figure, f"{', '.join(shortened(PurePath(log).name) for log in found.logs)}: {said}", 115)
-    line_of_time = timeline([Part(rows.name, rows.channels["t"]) for rows in found.rows])
+    line_of_time = timeline([TimedPiece(rows.name, rows.channels["t"]) for rows in found.rows])
     _draw_time(axes["u"], [axes[name] for name in time], found, line_of_time, units)
     for channel in ("velocity", "position"):
         _draw_over(axes[channel], channel, found, units)

@@ -23,7 +23,7 @@ _GAP = 5.0
 
 
 @dataclass(frozen=True)
-class Part:
+class TimedPiece:
     """One piece of a log: its stamps, shape (n,), s; `aside`: it is of a log that was held out."""
 
     name: str
@@ -111,7 +111,7 @@ def gaps(t: Array) -> NDArray[np.intp]:
     return 1 + np.flatnonzero((steps < 0.0) | (steps > _GAP * usual))
 
 
-def timeline(parts: Sequence[Part]) -> Timeline:
+def timeline(parts: Sequence[TimedPiece]) -> Timeline:
     """Pieces of one log keep their stamps; another log, or stamps that begin anew, go on where the last one ended."""
     several = len({(part.name, part.aside) for part in parts}) > 1
     first, last = float(parts[0].t[0]), float(parts[-1].t[-1])

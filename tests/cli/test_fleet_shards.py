@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from dsd_cli.cli.fleet_tasks import COMMON
-from dsd_cli.files.fleet_parts import Part, joined
+from dsd_cli.files.fleet_parts import FleetShard, joined
 from dsd_cli.files.fleet_table import Journal, columns_of, write_table
 from tests.cli.rig import CONFIG, done, dsd, make_log, refused, write
 from tests.docs.test_readme_commands import blocks
@@ -170,7 +170,7 @@ def test_tables_of_rows_with_columns_of_their_own_are_equal(tmp_path: Path, seed
                 row |= {f"value.{name}": 1.0 + k, f"error.{name}": None if rng.random() < 0.7 else 0.1}
         rows.append(row | {"warnings": "", "key": str(k)} if row["status"] == "done" else row | {"key": str(k)})
 
-    def table(name: str, rows: list[dict], part: Part | None = None) -> Path:
+    def table(name: str, rows: list[dict], part: FleetShard | None = None) -> Path:
         journal = Journal(tmp_path / name)
         for row in reversed(rows):  # as they come
             journal.add(row)
@@ -179,7 +179,7 @@ def test_tables_of_rows_with_columns_of_their_own_are_equal(tmp_path: Path, seed
 
     whole = table("one.parquet", rows)
     parts = [
-        table(f"{i}.parquet", rows[i - 1 :: of], Part(i, of, len(rows), "diagnose", "1", "l", "c"))
+        table(f"{i}.parquet", rows[i - 1 :: of], FleetShard(i, of, len(rows), "diagnose", "1", "l", "c"))
         for i in range(1, of + 1)
     ]
     found = joined(parts)

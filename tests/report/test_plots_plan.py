@@ -9,7 +9,7 @@ from dsd_cli.design.limits import Limits
 from dsd_cli.design.results import Motion, Plan, PlannedPair, Stage
 from dsd_cli.report.figure import rendered
 from dsd_cli.report.page.plan_part import plan_charts, plan_part
-from dsd_cli.report.page.story import Part, Story
+from dsd_cli.report.page.story import Outcome, Story
 from dsd_cli.report.plots_plan import draw
 from dsd_cli.signals.units import Units
 
@@ -31,8 +31,8 @@ PLAN = Plan(
 
 
 def story(plan: Plan) -> Story:
-    nothing = Part(None, "")
-    return Story((), (), (), (), nothing, nothing, nothing, nothing, "", "", "", "", Units(), plan=Part(plan))
+    nothing = Outcome(None, "")
+    return Story((), (), (), (), nothing, nothing, nothing, nothing, "", "", "", "", Units(), plan=Outcome(plan))
 
 
 def lines(axis: object) -> int:

@@ -20,7 +20,7 @@ from dsd_cli.report.plots_channels import constants, panels_of
 from dsd_cli.report.plots_check import BEYOND, relative_errors
 from dsd_cli.report.plots_detection import likely_states, ribbon, unsure
 from dsd_cli.report.plots_ladder import Cell, values_by_step
-from dsd_cli.report.timeline import Part, gaps, timeline
+from dsd_cli.report.timeline import TimedPiece, gaps, timeline
 from dsd_cli.report.views_comparison import curves_over, spectrum_of
 from dsd_cli.report.views_diagnosis import addition_view, residual_views
 from dsd_cli.signals.log import Log
@@ -75,7 +75,9 @@ def test_a_cloud_keeps_what_sticks_out() -> None:
 
 def test_logs_lie_one_after_the_other_and_gaps_stay() -> None:
     first, later = np.arange(5.0), np.arange(8.0, 10.0)
-    time = timeline([Part("a", first), Part("a", later), Part("b", first), Part("a", first, aside=True)])
+    time = timeline(
+        [TimedPiece("a", first), TimedPiece("a", later), TimedPiece("b", first), TimedPiece("a", first, aside=True)]
+    )
     assert [t[0] for t in time.times] == [0.0, 8.0, 9.0, 13.0]
     assert [(log.name, log.start, log.end, log.aside) for log in time.logs] == [
         ("a", 0.0, 9.0, False),
@@ -88,10 +90,10 @@ def test_logs_lie_one_after_the_other_and_gaps_stay() -> None:
 
 
 def test_stamps_of_a_calendar_are_counted_from_a_whole_second() -> None:
-    time = timeline([Part("a", 1.7e9 + 0.25 + np.arange(3.0))])
+    time = timeline([TimedPiece("a", 1.7e9 + 0.25 + np.arange(3.0))])
     assert time.times[0].tolist() == [0.25, 1.25, 2.25]
     assert time.label == "time since 1700000000 s (s)"
-    assert timeline([Part("a", np.arange(3.0))]).label == "time (s)"
+    assert timeline([TimedPiece("a", np.arange(3.0))]).label == "time (s)"
 
 
 def test_gaps_are_where_time_does_not_go_on() -> None:

@@ -168,7 +168,7 @@ def acceleration(log: Log, time_constant: float) -> Array:
 
 
 @dataclass(frozen=True)
-class Part:
+class PieceResidual:
     """One piece of a recording.
 
     rows : samples of `log` that count, shape (n,). errors : what is left there, unit of u.
@@ -193,12 +193,12 @@ class Left:
     least : rms that matters, unit of u.
     """
 
-    parts: tuple[Part, ...]
+    parts: tuple[PieceResidual, ...]
     interval: float
     time_constant: float
     least: float = 0.0
 
-    def pooled(self, of: Callable[[Part], Array]) -> Array:
+    def pooled(self, of: Callable[[PieceResidual], Array]) -> Array:
         """`of` each piece, at the rows that count, one after the other."""
         return np.concatenate([of(part)[part.rows] for part in self.parts])
 
@@ -226,7 +226,9 @@ def left_of_forces(balance: Balance, time_constant: float) -> Left:
     for stretch, owner, centres, interval, residual, kept in zip(*of_stretches, left, counting, strict=True):
         recording = equations.recordings[owner]
         rest = max(balance.model.rest_speed, recording.rest_speed)
-        parts.append(Part(recording.name, stretch.log, rest, centres[kept], residual[kept], residual, interval))
+        parts.append(
+            PieceResidual(recording.name, stretch.log, rest, centres[kept], residual[kept], residual, interval)
+        )
     return Left(tuple(parts), equations.band.step * equations.sample_time, time_constant, balance.least)
 
 
@@ -234,7 +236,7 @@ def left_of_d_hat(evaluation: Evaluation) -> Left:
     """Measured less predicted d_hat, of all samples that count."""
     step = evaluation.sample_time
     parts = tuple(
-        Part(s.name, s.log, s.model.rest_speed, np.arange(s.first, len(s.log)), s.errors, s.errors, step)
+        PieceResidual(s.name, s.log, s.model.rest_speed, np.arange(s.first, len(s.log)), s.errors, s.errors, step)
         for s in evaluation.stretches
     )
     return Left(parts, step, evaluation.observer.time_constant)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.identify.compare.balance import Left, Part, acceleration
+from dsd_cli.identify.compare.balance import Left, PieceResidual, acceleration
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.runs import runs
 
@@ -121,7 +121,7 @@ def regime_masks(left: Left) -> dict[str, Mask]:
     }
 
 
-def _transitions(part: Part) -> tuple[Mask, Mask, Mask]:
+def _transitions(part: PieceResidual) -> tuple[Mask, Mask, Mask]:
     """(rest, the time after a rest, the time around a change of direction), of all samples."""
     v, t = part.log["velocity"], part.log["t"]
     rest = np.abs(v) <= part.rest_speed

@@ -12,7 +12,7 @@ import numpy as np
 
 from dsd_cli.effects import Effect, Role, Shape, get_effect
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.stretches import Part, finite
+from dsd_cli.identify.fit.stretches import DelayTap, finite
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
 
@@ -95,7 +95,7 @@ class Bank:
         self._known: dict[Any, list[Array]] = {}
         self._drives: dict[Any, Array] = {}
         self._last_commands: tuple[Terms | None, list[Array]] = (None, [])
-        self._last_parts: dict[tuple[Terms, bool], dict[Part, Array]] = {}
+        self._last_parts: dict[tuple[Terms, bool], dict[DelayTap, Array]] = {}
         self._last_events: dict[tuple[Term, bool], list[Array]] = {}
 
     def between(self, around: float) -> Bank:
@@ -211,7 +211,7 @@ class Bank:
             return self.drive(inputs, tap, held=held)
         return self.equations.commanded(self._commands(inputs), tap * self.tap_time, held)
 
-    def _part(self, inputs: Terms, part: Part, held: bool) -> Array:
+    def _part(self, inputs: Terms, part: DelayTap, held: bool) -> Array:
         """Rows of a part of the command. White ones of the last command stay, for delays between the same samples."""
         if self._source is None:
             return self.equations.part(self._commands(inputs), part, held)

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from dsd_cli.identify.fit.band import Band, band_of, own_bands
 from dsd_cli.identify.fit.noise import HALF
-from dsd_cli.identify.fit.stretches import Part, Stretch, stretch_of
+from dsd_cli.identify.fit.stretches import DelayTap, Stretch, stretch_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.signals.log import Array
@@ -107,12 +107,12 @@ class Equations:
         """A command of every stretch, `delay` s late -> rows in the unit of u; see `Stretch.commanded`."""
         return self.plain([s.commanded(u, delay, held) for s, u in zip(self.stretches, commands, strict=True)])
 
-    def parts(self, delay: float) -> dict[Part, float]:
+    def parts(self, delay: float) -> dict[DelayTap, float]:
         """Parts of a command that is `delay` s late, and their weights; none where logs are sampled differently."""
         first, *others = (s.parts(delay) for s in self.stretches)
         return first if all(one == first for one in others) else {}
 
-    def part(self, commands: Sequence[Array], part: Part, held: bool) -> Array:
+    def part(self, commands: Sequence[Array], part: DelayTap, held: bool) -> Array:
         """One of `parts` -> rows in the unit of u."""
         return self.plain([s.part(u, part, held) for s, u in zip(self.stretches, commands, strict=True)])
 

@@ -82,7 +82,7 @@ _CUBIC = np.array([[0.0, -2.0, 3.0, -1.0], [6.0, -3.0, -6.0, 3.0], [0.0, 6.0, 3.
 _MEAN_OF_MIDDLES = np.array([1.0, 22.0, 1.0]) / 24.0
 
 
-class Part(NamedTuple):
+class DelayTap(NamedTuple):
     """A command that is so many `samples` late, as the acceleration averages it: all of it; or, for a mean over two
     intervals, what the interval before a sample adds to it (`next` False), or the next one (True)."""
 
@@ -174,7 +174,7 @@ class Stretch:
         """A command, `delay` s late, as the acceleration averages it; held: see `acting`."""
         return np.asarray(sum(weight * self.part(command, one, held) for one, weight in self.parts(delay).items()))
 
-    def parts(self, delay: float) -> dict[Part, float]:
+    def parts(self, delay: float) -> dict[DelayTap, float]:
         """The parts of a command that is `delay` s late, and their weights.
 
         Between whole samples the mean of a held u over one interval is linear in the delay; under the hat each interval
@@ -183,16 +183,16 @@ class Stretch:
         """
         whole, share = delay_taps(delay, self.frame.log.sample_time)
         if share == 0.0:
-            return {Part(whole): 1.0}
+            return {DelayTap(whole): 1.0}
         if not self.stepping:
-            return {Part(whole + k): float(w) for k, w in enumerate(_CUBIC @ share ** np.arange(4.0), -1)}
+            return {DelayTap(whole + k): float(w) for k, w in enumerate(_CUBIC @ share ** np.arange(4.0), -1)}
         if not self.two_intervals:
-            linear = {Part(whole): 1.0 - share, Part(whole + 1): share}
-            return linear if self.frame.regular else {Part(whole + share): 1.0}
-        ending = {Part(whole + 1, False): share**2, Part(whole, False): 1.0 - share**2}
-        return ending | {Part(whole + 1, True): share * (2.0 - share), Part(whole, True): (1.0 - share) ** 2}
+            linear = {DelayTap(whole): 1.0 - share, DelayTap(whole + 1): share}
+            return linear if self.frame.regular else {DelayTap(whole + share): 1.0}
+        ending = {DelayTap(whole + 1, False): share**2, DelayTap(whole, False): 1.0 - share**2}
+        return ending | {DelayTap(whole + 1, True): share * (2.0 - share), DelayTap(whole, True): (1.0 - share) ** 2}
 
-    def part(self, command: Array, part: Part, held: bool) -> Array:
+    def part(self, command: Array, part: DelayTap, held: bool) -> Array:
         """One part of a delayed command."""
         mean = self.frame.mean_u(command, max(part.samples, 0) * self.frame.log.sample_time)
         mean = mean if part.samples >= 0 else np.append(mean[1:], mean[-1])

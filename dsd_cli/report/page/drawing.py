@@ -12,7 +12,7 @@ from dsd_cli.errors import printable
 from dsd_cli.report.page.learnt_part import law_charts
 from dsd_cli.report.page.plan_part import plan_charts
 from dsd_cli.report.page.series import Cloud, Curve, Views
-from dsd_cli.report.page.story import Labels, Part, Story
+from dsd_cli.report.page.story import Labels, Outcome, Story
 from dsd_cli.report.page.timebase import onward
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.units import Units
@@ -109,7 +109,7 @@ def _cloud(cloud: Cloud, steps: int, unit: str, force: str, by_step: bool) -> di
     }
 
 
-def _labels(views: Views, detections: Iterable[tuple[str, Part[Labels]]], units: Units) -> dict[str, Any]:
+def _labels(views: Views, detections: Iterable[tuple[str, Outcome[Labels]]], units: Units) -> dict[str, Any]:
     """Label of each axis over time, faint where it is not confident."""
     placed = {one.name: one for one in views.base.logs}
     by_axis: dict[str, list[tuple[Array, ...]]] = {}

@@ -13,7 +13,7 @@ from dsd_cli.report.ladder import final_line, learnt
 from dsd_cli.report.names import change_text, error, percent
 from dsd_cli.report.page.html import Html, bar, joined, left, listing, table, tag, typeset
 from dsd_cli.report.page.parts import badge, missing, panel, section
-from dsd_cli.report.page.story import Labels, Part, Story
+from dsd_cli.report.page.story import Labels, Outcome, Story
 
 #: Rows of a table on the page; the commands list all as JSON.
 MOST_STATES, MOST_SEGMENTS = 12, 40
@@ -159,7 +159,7 @@ def detection_section(story: Story) -> Html:
     return section("detected", title, *parts)
 
 
-def _detected(part: Part[Labels]) -> Html:
+def _detected(part: Outcome[Labels]) -> Html:
     if part.value is None:
         return missing(part.missing)
     result = part.value.result

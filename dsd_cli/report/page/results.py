@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from dsd_cli.report import checks, comparison, detection, diagnosis, ladder, learning, planning
-from dsd_cli.report.page.story import Part, Story
+from dsd_cli.report.page.story import Outcome, Story
 
 #: Segments of one label that are kept; `segments_total` has their number.
 MOST_SEGMENTS = 1_000
@@ -13,7 +13,7 @@ MOST_SEGMENTS = 1_000
 
 def results(story: Story) -> dict[str, Any]:
     """Command -> its JSON; null where it had no result, and "missing" says why."""
-    parts: dict[str, Part[Any]] = {
+    parts: dict[str, Outcome[Any]] = {
         "compare": story.comparison,
         "diagnose": story.diagnosis,
         "improve": story.ladder,

@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Part(Generic[T]):
+class Outcome(Generic[T]):
     """A result, or the one line that says why there is none."""
 
     value: T | None = None
@@ -69,11 +69,11 @@ class Story:
     logs: tuple[str, ...]
     holdout: tuple[str, ...]
     checks: tuple[CheckResult, ...]
-    detections: tuple[tuple[str, Part[Labels]], ...]
-    comparison: Part[Report]
-    diagnosis: Part[DiagnosisReport]
-    ladder: Part[LadderReport]
-    views: Part[Views]
+    detections: tuple[tuple[str, Outcome[Labels]], ...]
+    comparison: Outcome[Report]
+    diagnosis: Outcome[DiagnosisReport]
+    ladder: Outcome[LadderReport]
+    views: Outcome[Views]
     config_name: str
     config_text: str
     command: str
@@ -83,9 +83,9 @@ class Story:
     files: tuple[SourceFile, ...] = ()
     versions: Mapping[str, str] = field(default_factory=dict)
     warnings: tuple[str, ...] = ()
-    plan: Part[Plan] = Part()
+    plan: Outcome[Plan] = Outcome()
     law: Learnt | None = None
 
-    def why_not(self, part: Part[Any]) -> str:
+    def why_not(self, part: Outcome[Any]) -> str:
         """Why a later part is missing; not twice the same line."""
         return "for the same reason" if part.missing == self.comparison.missing else part.missing

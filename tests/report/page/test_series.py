@@ -10,7 +10,7 @@ from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.report.page.drawing import _numbers, _times, drawing
 from dsd_cli.report.page.html import data
 from dsd_cli.report.page.series import CLOUD, _medians, views
-from dsd_cli.report.page.story import Part, Story
+from dsd_cli.report.page.story import Outcome, Story
 from dsd_cli.report.page.timebase import laid_out, onward
 from dsd_cli.signals.log import Log, with_channels
 from dsd_cli.signals.units import Units
@@ -103,8 +103,8 @@ def test_a_long_ladder_over_a_long_log_stays_below_5_mb():
     damped = [PlantModel(1.0, 0.0, {"viscous_friction": {"coefficient": 0.05 * k}}) for k in range(11)]
     seen = views([recording(20.0)], damped, OBSERVER, more=4)
     assert all(t.size > 0.6 * seen.points for t, _ in seen.residual)
-    nothing = Part(None, "")
-    story = Story(("a.csv",), (), (), (), nothing, nothing, nothing, Part(seen), "", "", "", "", Units())
+    nothing = Outcome(None, "")
+    story = Story(("a.csv",), (), (), (), nothing, nothing, nothing, Outcome(seen), "", "", "", "", Units())
     assert 1e6 < len(data(drawing(story))) < 4.5e6
 
 
