@@ -1,4 +1,4 @@
-"""How far values stray, by their median: a few that are far off, or a motion in between, do not count."""
+"""How far values stray: all of them, or by their median: a few far off, or a motion in between, do not count."""
 
 from __future__ import annotations
 
@@ -8,6 +8,11 @@ from dsd_cli.signals.log import Array
 
 #: Standard deviations of a normal law per median of its size: one over the quantile at 3/4.
 NORMAL = 1.4826
+
+
+def rms(x: Array) -> float:
+    """Root of the mean square; 0 of nothing."""
+    return float(np.sqrt(np.mean(x * x))) if x.size else 0.0
 
 
 def robust_deviation(x: Array) -> float:

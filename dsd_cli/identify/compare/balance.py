@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.errors import DataError
-from dsd_cli.identify.compare.evaluation import Evaluation, rms
+from dsd_cli.identify.compare.evaluation import Evaluation
 from dsd_cli.identify.fit.errors import Errors
 from dsd_cli.identify.fit.problem import Problem, pose
 from dsd_cli.identify.fit.testability import Settings
@@ -22,6 +22,7 @@ from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.spread import rms
 
 
 @dataclass(frozen=True)

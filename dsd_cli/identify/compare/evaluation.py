@@ -13,6 +13,7 @@ from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import Frame, predict_d_hat
 from dsd_cli.signals.log import Array, Log
 from dsd_cli.signals.rounding import ROUNDING
+from dsd_cli.signals.spread import rms
 
 #: Rows at the start of a piece that a d_hat computed from position cannot fill.
 UNFILLED = 2
@@ -166,11 +167,6 @@ def accuracy(evaluation: Evaluation) -> Accuracy:
         relative_error_percent=_percent(size, rms(evaluation.pooled(lambda s: s.net))),
         relative_force_error_percent=_percent(scale * size, rms(evaluation.pooled(lambda s: s.drive))),
     )
-
-
-def rms(x: Array) -> float:
-    """Root of the mean square; 0 of nothing."""
-    return float(np.sqrt(np.mean(x * x))) if x.size else 0.0
 
 
 def _percent(part: float, whole: float) -> float | None:

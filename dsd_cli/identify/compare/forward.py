@@ -13,7 +13,6 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.identify.compare.evaluation import rms
 from dsd_cli.identify.compare.watch import CHANNELS, Watch
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.controllers import Controller, ControllerSettings, Measured
@@ -25,6 +24,7 @@ from dsd_cli.plant.prediction import Frame
 from dsd_cli.plant.references import Logged
 from dsd_cli.signals.log import Array, Log
 from dsd_cli.signals.rounding import ROUNDING
+from dsd_cli.signals.spread import rms
 from dsd_cli.signals.units import Units
 
 OPEN_LOOP, CLOSED_LOOP = "open_loop", "closed_loop"

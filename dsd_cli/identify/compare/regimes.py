@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dsd_cli.identify.compare.balance import Left, PieceResidual, acceleration
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.runs import runs
+from dsd_cli.signals.spread import rms
 
 Mask = NDArray[np.bool_]
 
@@ -89,7 +90,7 @@ def _regimes(left: Left, errors: Array) -> tuple[Regime, ...]:
     for name, mask in masks.items():
         if mask.any():
             share = _share(errors, mask)
-            found.append(Regime(name, float(mask.mean()), share, _rms(errors[mask]), overlaps=name in ACROSS))
+            found.append(Regime(name, float(mask.mean()), share, rms(errors[mask]), overlaps=name in ACROSS))
     return tuple(found)
 
 
@@ -184,7 +185,7 @@ def _bins(left: Left, channel: str, errors: Array) -> tuple[Bin, ...]:
 def _bin(start: float, end: float, errors: Array, total: Array, log: str = "") -> Bin:
     energy = float(np.sum(total**2))
     share = float(np.sum(errors**2)) / energy if energy > 0.0 else 0.0
-    return Bin(start, end, len(errors) / len(total), share, _rms(errors), float(errors.mean()), log)
+    return Bin(start, end, len(errors) / len(total), share, rms(errors), float(errors.mean()), log)
 
 
 def _bands(left: Left, errors: Array) -> tuple[Band, ...]:
@@ -209,7 +210,3 @@ def _bands(left: Left, errors: Array) -> tuple[Band, ...]:
 def _share(errors: Array, mask: Mask) -> float:
     energy = float(np.sum(errors**2))
     return float(np.sum(errors[mask] ** 2)) / energy if energy > 0.0 else 0.0
-
-
-def _rms(errors: Array) -> float:
-    return float(np.sqrt(np.mean(errors**2)))

@@ -27,6 +27,7 @@ from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.continuous import in_pieces
 from dsd_cli.signals.log import D_HAT_MAKER, Array, Log, with_channels
+from dsd_cli.signals.spread import rms
 from dsd_cli.signals.updates import SUMMED
 
 
@@ -124,9 +125,7 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
     pieces, sensor = with_acceleration(pieces, observer)
     pieces, noise, margin, missing = _with_motion(pieces, parts, observer, provenance)
     provenance |= {"position": "integrated from velocity"} if SUMMED in log.metadata else {}
-    creep = POLICY.creep_share * max(
-        (float(np.sqrt(np.mean(p["velocity"] ** 2))) for p in pieces if "velocity" in p), default=0.0
-    )
+    creep = POLICY.creep_share * max((rms(p["velocity"]) for p in pieces if "velocity" in p), default=0.0)
     walk = _walk(pieces, observer) if "reconstructed" in provenance["velocity"] else 0.0
     lost = lost_motion([p["acceleration"] for p in pieces], log.sample_time, sensor.noise.end)
     noise = math.hypot(noise, walk, lost.speed)
@@ -249,9 +248,7 @@ def _turning(piece: Log, observer: ObserverSettings, rest_speed: float, margin: 
     change = np.diff(piece["velocity"], prepend=piece["velocity"][:1]) / frame.intervals
     raw = net_force(piece, observer) / observer.nominal_inertia
     noise = float(np.median(np.abs(raw - change))) * observer.nominal_inertia
-    clear = piece.d_hat_source != "position" and noise < POLICY.clear_acceleration * float(
-        np.sqrt(np.mean(piece["u"] ** 2))
-    )
+    clear = piece.d_hat_source != "position" and noise < POLICY.clear_acceleration * rms(piece["u"])
     return np.where(wide, raw if clear else change, np.nan)
 
 

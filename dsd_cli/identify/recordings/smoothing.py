@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.encoder import encoder_step
 from dsd_cli.signals.log import Array
-from dsd_cli.signals.spread import robust_deviation
+from dsd_cli.signals.spread import rms, robust_deviation
 
 #: Half widths that are tried, samples; 0 leaves the channel as it is.
 HALF_WIDTHS = (0, 2, 3, 4, 6, 8, 11, 15, 20, 28)
@@ -85,7 +85,7 @@ def smooth(x: Array, t: Array, known: ChannelNoise | None = None) -> Smoothed:
             break
         candidate, slope = _local(x, stamps, half)
         removed = (x - candidate)[moving]
-        size = (_rms(removed) if quantised else robust_deviation(removed)) / (noise * _kept(half))
+        size = (rms(removed) if quantised else robust_deviation(removed)) / (noise * _kept(half))
         if size > POLICY.smoothing_growth * least:
             break
         chosen, least = half, min(least, max(size, 1.0))
@@ -200,7 +200,3 @@ def _weights(half: int, derivative: int) -> Array:
 def _kept(half: int) -> float:
     """Share of white noise that a smoothing of this width takes out, as rms."""
     return float(np.sqrt(max(1.0 - _weights(half, 0)[half], 0.0)))
-
-
-def _rms(x: Array) -> float:
-    return float(np.sqrt(np.mean(x**2))) if x.size else 0.0
