@@ -24,9 +24,10 @@ from dsd_cli.effects.memory import Coupling
 from dsd_cli.identify.fit.bank import Bank, Terms, drive, has_friction, inputs_of, of_single_logs, raw_columns
 from dsd_cli.identify.fit.contacts import contacts_with
 from dsd_cli.identify.fit.equations import Equations, equations_of
+from dsd_cli.identify.fit.errors import left_by
 from dsd_cli.identify.fit.noise_fit import sensor_variance
 from dsd_cli.identify.fit.pushes import Pushes
-from dsd_cli.identify.fit.values import coefficients_of, terms_of
+from dsd_cli.identify.fit.values import terms_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.model import PlantModel
@@ -66,14 +67,14 @@ def with_driven_load(
     startup = math.ceil(model.delay / recordings[0].sample_time) + 3
     measured = equations_of([_bare(r) for r in recordings], startup)
     forces, motor = pushes_of(measured, model, terms), (1.0 - share) * model.inertia
-    best, left = measured.recordings, _left(measured, model, terms)
+    best, left = measured.recordings, _left(measured, model)
     floor = POLICY.floor_factor * model.inertia * math.sqrt(sensor_variance(measured, sure=False))
     for channels_of in (_simulated, _by_contacts)[: 1 + (contacts and one_sensor(measured))]:
         if best is not measured.recordings and left < floor**2:  # followed, and all rows count
             break
         if channels := channels_of(forces, motor, model.inertia, coupling):
             moved = equations_of(_with(measured, channels, (term.id, share)), startup, measured.bands)
-            rest = _left(moved, model, terms) if np.mean(moved.kept) > POLICY.least_moving else math.inf
+            rest = _left(moved, model) if np.mean(moved.kept) > POLICY.least_moving else math.inf
             if rest < POLICY.driven_gain**2 * left:
                 best, left = moved.recordings, rest
     return best
@@ -142,11 +143,7 @@ def pushes_of(equations: Equations, model: PlantModel, terms: Terms) -> Pushes:
     return Pushes(acceleration, forces, noise, equations.stretches[0].two_intervals, step, before[0])
 
 
-def _left(equations: Equations, model: PlantModel, terms: Terms) -> float:
+def _left(equations: Equations, model: PlantModel) -> float:
     """Mean square of what the model leaves of the balance, in rows that count."""
-    bank = Bank(equations)
-    tap, theta = coefficients_of(model, terms, bank.tap_time)
-    drive, *columns = bank.rows(terms, tap)
-    rest = drive - sum(c * x for c, x in zip(theta, columns, strict=True))
-    found = float(np.mean(rest[equations.kept] ** 2))
+    found = float(np.mean(left_by(Bank(equations), model)[0] ** 2))
     return found if math.isfinite(found) else math.inf

@@ -86,21 +86,21 @@ class Errors:
 
     def of_model(self, model: PlantModel) -> Score:
         """Of a model whose values no fit of these recordings chose."""
-        errors, u = _errors(self.bank, model)
-        held = errors if self._aside is None else _errors(self._aside, model)[0]
+        errors, u = left_by(self.bank, model)
+        held = errors if self._aside is None else left_by(self._aside, model)[0]
         return _score(errors, _rms(held), u)
 
     def rows_of_model(self, model: PlantModel) -> Array:
         """r of the rows that count, unit of u, shape (number of `equations.kept`,)."""
-        return _errors(self.bank, model)[0]
+        return left_by(self.bank, model)[0]
 
     def of_fit(self, fit: Fit, scale: Scale) -> Score:
         """Of a fit to everything, with the held-out error of the fits that held a fold out each."""
         model, weightless = scale.model(fit), scale.weightless(fit)
         model = replace(model, inertia=scale.inertia) if weightless else model  # else u is explained by u
-        errors, u = _errors(self.bank, model)
+        errors, u = left_by(self.bank, model)
         if self._aside is not None:
-            return _score(errors, _rms(_errors(self._aside, model)[0]), u)
+            return _score(errors, _rms(left_by(self._aside, model)[0]), u)
         rows, theta = self.bank.rows(fit.terms, fit.tap), fit.folds[self._fold]
         if weightless:
             theta[:, INERTIA] = scale.inertia
@@ -108,8 +108,8 @@ class Errors:
         return _score(errors, _rms(held[self._keep]), u)
 
 
-def _errors(bank: Bank, model: PlantModel) -> tuple[Array, Array]:
-    """(r of the rows that count, u of them)."""
+def left_by(bank: Bank, model: PlantModel) -> tuple[Array, Array]:
+    """What a model leaves of the balance in the rows that count, r, and u of them; unit of u."""
     terms = terms_of(model)
     tap, theta = coefficients_of(model, terms, bank.tap_time)
     if any("u" in t.effect.needs for t in terms):  # a law of u looks at u as late as the drive is, not at whole steps
