@@ -19,6 +19,7 @@ from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.own_values import own_values
+from dsd_cli.identify.verdict.probability import is_told
 from dsd_cli.identify.verdict.resonance import response_settings
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
@@ -70,19 +71,14 @@ def add_effect(
             "nothing was added; `dsd diagnose` ranks what does",
         )
     known = problem.values(fit)
-    said = (*contradictions(search, fit, known.estimates), *_untold(effect_id, known.estimates))
+    said: tuple[str, ...] = contradictions(search, fit, known.estimates)
+    if not own and not is_told(effect_id, known.estimates):  # it is written, but not seen
+        said += (
+            f"not identifiable from this log: {effect_id}: its values are not all away from 0 by twice their error",
+        )
     return Addition(
         effect_id, known.model, before.score, after, known.estimates, said, before.refitted, known.correlations
     )
-
-
-def _untold(effect_id: str, estimates: Estimates) -> tuple[str, ...]:
-    """That no force of an effect that was asked for is away from 0: then it is written, but not seen."""
-    linear = [p.name for p in get_effect(effect_id).parameters if p.linear] if effect_id not in (INERTIA, DELAY) else []
-    own = [e for name in linear if (e := estimates.get(f"{effect_id}.{name}")) is not None]
-    if not own or any(e.held or abs(e.value) > POLICY.told_deviations * e.std_error for e in own):
-        return ()
-    return (f"not identifiable from this log: {effect_id}: no force of it is away from 0 by more than its error",)
 
 
 def _with_effect(search: Search, effect_id: str) -> Fit:

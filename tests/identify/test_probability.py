@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dsd_cli.identify.final_fit import add_effect
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.missing import Unexplained
@@ -27,6 +28,7 @@ from dsd_cli.signals.log import Log
 from tests.report.examples import DIAGNOSIS
 
 STEP, INERTIA, LEVEL = 0.002, 0.05, 0.4
+OBSERVER = ObserverSettings(INERTIA, 0.02)
 #: Hz, rad/s, rad: what sixteen sines do no line in time can do for them; what two do one line and a stiffness can.
 MANY = [(f, 1.5 / (1.0 + f), 2.0 * f**2) for f in np.random.default_rng(8).uniform(0.2, 3.0, 16).tolist()]
 FEW = [(0.5, 2.0, 0.3), (1.7, 0.8, 1.0)]
@@ -58,9 +60,8 @@ def friction_over(
         "velocity": velocity + 2e-3 * random.normal(size=t.size),
         "position": position + 1e-5 * random.normal(size=t.size),
     }
-    observer = ObserverSettings(INERTIA, 0.02)
-    recording, model = prepare(Log(channels, STEP, "log.csv"), observer), PlantModel(INERTIA, 0.0, {})
-    found = diagnose([recording], model, observer, Settings(OF_SPEED if beside else LIKELY))
+    recording, model = prepare(Log(channels, STEP, "log.csv"), OBSERVER), PlantModel(INERTIA, 0.0, {})
+    found = diagnose([recording], model, OBSERVER, Settings(OF_SPEED if beside else LIKELY))
     return found.verdict, found.probability, {one.effect: one.probability for one in found.missing}
 
 
@@ -257,5 +258,21 @@ def test_belief_in_a_place_is_shared_by_what_ties_there(shares: list[float], riv
 )
 def test_an_effect_is_told_by_all_its_values_and_a_load_by_any(name, values, wanted):
     estimates = {f"{name}.{k}": SimpleNamespace(value=x, std_error=e, held=False) for k, (x, e) in values.items()}
-    problem = SimpleNamespace(values=lambda _: SimpleNamespace(estimates=estimates))
-    assert probability._told(SimpleNamespace(problem=problem), None, name) is wanted
+    assert probability.is_told(name, estimates) is wanted
+
+
+@pytest.mark.parametrize(("effect", "seen"), [("coulomb_friction", True), ("presliding_friction", False)])
+def test_an_effect_that_is_added_is_seen_if_all_its_values_are(effect, seen):
+    """Friction over a way that no value tells is Coulomb's: it was added to dry friction without a word."""
+    random, t = np.random.default_rng(5), np.arange(0.0, 6.0, STEP)
+    velocity = sum(a * np.sin(2 * math.pi * f * t + p) for f, a, p in MANY)
+    acceleration = sum(2 * math.pi * f * a * np.cos(2 * math.pi * f * t + p) for f, a, p in MANY)
+    u = INERTIA * acceleration + LEVEL * np.sign(velocity)
+    channels = {
+        "u": u,
+        "velocity": velocity + 2e-3 * random.normal(size=t.size),
+        "position": np.cumsum(velocity) * STEP + 1e-5 * random.normal(size=t.size),
+    }
+    recording = prepare(Log(channels, STEP, "log.csv"), OBSERVER)
+    added = add_effect([recording], PlantModel(INERTIA, 0.0, {}), OBSERVER, effect)
+    assert any("not identifiable from this log" in line for line in added.warnings) is not seen

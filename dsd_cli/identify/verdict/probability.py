@@ -18,6 +18,7 @@ from dsd_cli.identify.fit.bank import has_friction
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.results import Estimates
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.belief import PLACE, UnnamedLaws, shared_belief
@@ -119,7 +120,8 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     afloat = _of_position(effect_id) and search.problem.reconstructed("position")
     at_place = [o for o in options if afloat and _of_position(o.effect)]
     found = dict.fromkeys(o.effect for o in (*as_well, *filter(rivals, options), *at_place))
-    surest = POLICY.even if as_push or afloat or not _told(search, whole, effect_id) else 1.0
+    estimates = search.problem.values(whole).estimates
+    surest = POLICY.even if as_push or afloat or not is_told(effect_id, estimates) else 1.0
     return Membership(
         effect_id,
         probabilities(search, rest, [own, *options]),
@@ -129,11 +131,11 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     )
 
 
-def _told(search: Search, whole: Fit, effect_id: str) -> bool:
+def is_told(effect_id: str, estimates: Estimates) -> bool:
     """Whether all values of an effect, beside all that was found, are away from 0 by more than their standard errors
     make likely: a gain without a value comes from what the errors count as unknown. A line of amplitude 0 is none,
     whatever its frequency, and friction that builds up over no way that is known is Coulomb's. Of a load any value."""
-    effect, estimates = get_effect(effect_id), search.problem.values(whole).estimates
+    effect = get_effect(effect_id)
     own = [p.name for p in effect.parameters if not p.whole_turn and p.name not in effect.broad]
     known = [e for name in own if (e := estimates.get(f"{effect_id}.{name}")) is not None]
     every = any if effect.role is Role.STRUCTURE else all
