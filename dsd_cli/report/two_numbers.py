@@ -56,11 +56,13 @@ def two_answers(missing: Sequence[Missing], last: Diagnosis, added: Sequence[str
 
 
 def _too_small(last: Diagnosis) -> list[str]:
-    """That what is left is no noise of the sensor, and yet so little of u that it does not count as missing."""
-    u = 100.0 * last.score.rmse / max(last.score.relative_error_percent, 1e-300)
-    left = last.unexplained.share_of_u * u
+    """That what is left is no noise of the sensor, and yet so little of u that it does not count as missing; or that it
+    is much of u, but may be that noise."""
+    u, share = 100.0 * last.score.rmse / max(last.score.relative_error_percent, 1e-300), last.unexplained.share_of_u
+    left = share * u
     if not left > POLICY.floor_factor * last.floor:
-        return []
+        noise = f"may be noise: the sensor's is measured as {error(last.floor)} {last.units.force}, and up to"
+        return [f"{noise} {POLICY.floor_factor:g} times that counts as such"] if share > POLICY.least_unknown else []
     line = f"too small to count: {error(left)} {last.units.force} is left, of which the sensor's noise would leave"
     line += f" {error(last.floor)}; less than {percent(POLICY.floor_excess)} of u counts as what any model leaves"
     before = last.refitted.heldout_rmse

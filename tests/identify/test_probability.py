@@ -193,7 +193,8 @@ def test_unknown_is_no_surer_than_what_is_left_of_u_bears_out(monkeypatch):
     """A third of a percent is none; even odds at the 1 % that no model says better; 3 % and more are."""
     monkeypatch.setattr(discrepancy, "surely_left", lambda search, _fit: search.problem.errors.rmse(None))
     shares = (0.0, 0.003, 0.01, 0.03, 0.3)
-    sure = [probability.left_over(left_in(share, floor=0.0), None) for share in shares]
+    nothing_known = Discrepancy((), 0.0, False, 0.0)
+    sure = [probability.left_over(left_in(share, floor=0.0), None, nothing_known) for share in shares]
     assert sure == sorted(sure)
     assert sure[0] == 0.0
     assert sure[1] < 0.1
@@ -214,6 +215,36 @@ def test_unknown_is_no_surer_than_what_is_left_of_u_bears_out(monkeypatch):
 def test_nothing_is_missing_by_what_was_tested_and_what_is_left(untestable, rmse, wanted, monkeypatch):
     monkeypatch.setattr(probability, "probabilities", lambda *_: {probability.NOTHING: 1.0})
     assert probability.nothing_missing(left_in(rmse, untestable), []) == pytest.approx(wanted, abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("left", "floor", "more", "wanted"),
+    [(0.024, 0.016, 0.01, 0.01), (0.053, 0.03, 0.01, 0.42), (0.053, 0.05, 0.6, 0.6), (0.2, 0.03, 0.01, 0.9)],
+    ids=["noise", "more than noise, too little to be missing", "a verdict says so", "missing"],
+)
+def test_what_no_noise_of_the_sensor_leaves_is_a_force_before_it_is_called_missing(
+    left, floor, more, wanted, monkeypatch
+):
+    """4.4 % of u beside a sensor's 3 % were "more is missing: 1 %", and 5 % of it 80 %: 2.2 % are beyond 1.6 times
+    3 %, and half of 1 / (1 + (1 % / 2.2 %)^2) is what is believed of those. Of 1.5 times the noise nothing is."""
+    errors = SimpleNamespace(force=1.0)
+    problem = SimpleNamespace(errors=errors, floor=floor, least_missing=math.hypot(1.6 * floor, 0.03))
+    monkeypatch.setattr(discrepancy, "surely_left", lambda *_: left)
+    beyond = Discrepancy((), left, False, left)
+    got = probability.unexplained_of(SimpleNamespace(problem=problem), None, beyond, more)
+    assert got.probability == pytest.approx(wanted, abs=0.01)
+
+
+@pytest.mark.parametrize("unknown", [True, False])
+def test_what_a_function_explains_is_a_force_however_much_noise_was_expected(unknown, monkeypatch):
+    """An end stop behind 4096 counts: the position explained 2.5 % of u of 2.7, and less was left than the sensor's
+    noise was thought to be: "something is missing", 0 %. Such an encoder's steps may follow the motion: even odds."""
+    problem = SimpleNamespace(errors=SimpleNamespace(force=1.0, rmse=lambda _: 0.027), floor=0.03, least_missing=0.06)
+    monkeypatch.setattr(discrepancy, "surely_left", lambda search, _fit: search.problem.errors.rmse(None))
+    beyond = Discrepancy(("position",), 0.01, unknown, 0.027)
+    got = probability.unexplained_of(SimpleNamespace(problem=problem), None, beyond, 0.01)
+    assert got.share_of_u == pytest.approx(0.025 if unknown else 0.0, abs=1e-4)
+    assert got.probability == pytest.approx(0.5 / (1.0 + 0.4**2) if unknown else 0.01, abs=0.01)
 
 
 def test_a_shape_that_was_searched_is_a_choice_like_another_effect(monkeypatch: pytest.MonkeyPatch) -> None:

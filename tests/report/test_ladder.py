@@ -131,6 +131,9 @@ def test_a_part_of_u_that_is_too_small_to_count_is_no_noise_of_the_sensor() -> N
     (_, line) = two_answers((), replace(left, ranking=(better, *DIAGNOSIS.ranking[1:])))
     assert line.endswith("; coulomb_friction (level 0.52 +- 0.03 u) would take 80 % of it off")
     assert len(two_answers((), replace(left, unexplained=Unexplained(0.01, 0.01)))) == 1, "1.6 times the floor"
+    noisy = two_answers((), replace(left, floor=0.05, unexplained=Unexplained(0.02, 0.01)))
+    said = "may be noise: the sensor's is measured as 0.05 unit of u, and up to 1.6 times that counts as such"
+    assert noisy == ["unexplained: 2 % of u (probability that more is missing: 1 %)", said]
 
 
 def test_values_beside_something_unexplained_are_said_to_be_off_by_more_than_their_errors() -> None:

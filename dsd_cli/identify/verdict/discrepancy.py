@@ -36,6 +36,11 @@ class Discrepancy:
         """Whether it is u times something."""
         return GAIN in self.on
 
+    @property
+    def least(self) -> float:
+        """rms that is left by whatever explains what is unknown: no free function, and no white noise, leaves less."""
+        return min(self.heldout_rmse, self.noise)
+
     def of_channels(self, name: str) -> bool:
         """Whether it depends on channels of an effect, which then may stand in for another law of them."""
         return self.unknown and not {*self.on}.isdisjoint(get_effect(name).needs or ("time",))
@@ -108,9 +113,16 @@ def surely_left(search: Search, fit: Fit) -> float:
     return min(left, search.problem.floor) if search.problem.errors.noise_of_u(fit) else left
 
 
-def beyond_noise(search: Search, fit: Fit) -> float:
-    """rms of what is surely left beyond the sensor's noise, unit of u."""
-    return math.sqrt(max(surely_left(search, fit) ** 2 - search.problem.floor**2, 0.0))
+def beyond_noise(search: Search, fit: Fit, times: float = 1.0) -> float:
+    """rms of what is surely left beyond so many times the sensor's noise, unit of u."""
+    return math.sqrt(max(surely_left(search, fit) ** 2 - (times * search.problem.floor) ** 2, 0.0))
+
+
+def force_beyond(search: Search, fit: Fit, beyond: Discrepancy) -> float:
+    """rms of the force that a fit leaves, unit of u: what is beyond the sensor's noise, and of what is unknown no less
+    than can be explained, for of a coarse sensor more noise may have been expected than there is."""
+    explained = math.sqrt(max(search.problem.errors.rmse(fit) ** 2 - beyond.least**2, 0.0)) if beyond.unknown else 0.0
+    return max(beyond_noise(search, fit), min(explained, surely_left(search, fit)))
 
 
 def only_at_stops(search: Search, fit: Fit) -> bool:

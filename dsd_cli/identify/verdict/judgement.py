@@ -91,7 +91,7 @@ class Verdict:
 
     def _unknown(self) -> tuple[str, float]:
         """As sure as what is left of u is a force; a push above the band, or play, is rather there than not."""
-        likely = left_over(self.search, self.named_part)
+        likely = left_over(self.search, self.named_part, self.beyond)
         return UNKNOWN, min(max(likely, POLICY.even if self.shown.said else 0.0), self.limits.surest)
 
     def _of_members(self) -> tuple[str, float]:
@@ -108,7 +108,7 @@ class Verdict:
         doubtful = self.beyond.of_channels(best) or needs_acceleration(named)
         belief = max(member.probabilities.get(named, 0.0), member.place / (1 + len(member.rivals)))
         belief = probability_of(member, belief, self.surest)
-        more = unexplained_of(self.search, self.named_part, self.beyond, POLICY.surest).probability
+        more = unexplained_of(self.search, self.named_part, self.beyond).probability
         first, before = begun is self.search.refit, math.exp(-POLICY.effect_price)  # a set that is taken is taken whole
         if member.imitates or (doubtful and known < POLICY.share_of_possible) or (first and belief < min(more, before)):
             self.doubted = best
@@ -136,7 +136,7 @@ class Verdict:
     def _share_of_possible(self, before: float, after: float) -> float:
         """Explained share of the power that could be explained; 1 where nothing unknown remains."""
         if self.beyond.unknown:
-            least = min(self.beyond.heldout_rmse, self.beyond.noise)
+            least = self.beyond.least
         elif above_floor(self.search, self.whole):
             least = POLICY.floor_factor * self.problem.floor
         else:
@@ -188,7 +188,7 @@ class Verdict:
         joint = problem.values(self.whole) if several else known
         unknown, source, own = self.beyond.unknown, problem.recordings[0].provenance, verdict in problem.model.effects
         one = self.seen is not None or verdict == self.own.wrong != ""
-        certain = self.sure if verdict == NONE else POLICY.surest
+        more = {NONE: 1.0 - self.sure, UNKNOWN: left_over(self.search, self.named_part, self.beyond)}
         return Diagnosis(
             logs=tuple(r.name for r in problem.recordings),
             samples=sum(r.samples for r in problem.recordings),
@@ -221,7 +221,7 @@ class Verdict:
             held_out=tuple(r.name for r in problem.holdout),
             nearest=nearest,
             missing=(Missing(verdict, self.sure),) if one else self.missing,
-            unexplained=unexplained_of(self.search, self.named_part, self.beyond, certain),
+            unexplained=unexplained_of(self.search, self.named_part, self.beyond, more.get(verdict, 0.0)),
         )
 
     def _nearest(self) -> str:

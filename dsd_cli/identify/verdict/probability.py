@@ -22,7 +22,7 @@ from dsd_cli.identify.results import Estimates
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.belief import PLACE, UnnamedLaws, shared_belief
-from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise, force_beyond
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.pushes import pushes_leave_more
 
@@ -205,9 +205,10 @@ def probability_of(member: Membership, belief: float, surest: float) -> float:
     return min(belief * member.there, surest, member.surest)
 
 
-def left_over(search: Search, whole: Fit) -> float:
-    """Probability that what a set leaves is a force that no effect describes."""
-    return POLICY.surest_in_doubt * _force(search, beyond_noise(search, whole))
+def left_over(search: Search, whole: Fit, beyond: Discrepancy) -> float:
+    """Probability that what a set leaves is a force that no effect describes; with even odds, where it may be noise."""
+    louder, all_of_it = beyond_noise(search, whole), force_beyond(search, whole, beyond)
+    return max(POLICY.surest_in_doubt * _force(search, louder), POLICY.even * _force(search, all_of_it))
 
 
 def nothing_missing(search: Search, options: Sequence[Option]) -> float:
@@ -233,12 +234,11 @@ def _force(search: Search, left: float) -> float:
     return left**2 / max(left**2 + (POLICY.least_unknown * search.problem.errors.force) ** 2, 1e-300)
 
 
-def unexplained_of(search: Search, whole: Fit, beyond: Discrepancy, nothing: float) -> Unexplained:
-    """What a set leaves. nothing : probability that nothing is missing beside it, where neither a function of the
-    channels nor the sensor's floor says that something is."""
-    share, on = (
-        beyond_noise(search, whole) / max(search.problem.errors.force, 1e-300),
-        beyond.on if beyond.unknown else (),
-    )
-    left = beyond.unknown or above_floor(search, whole)
-    return Unexplained(share, left_over(search, whole) if left else 1.0 - nothing, on)
+def unexplained_of(search: Search, whole: Fit, beyond: Discrepancy, more: float = 0.0) -> Unexplained:
+    """What a set leaves. more : probability that more is missing, at the least, where neither a function of the
+    channels nor its size says that something is: then what is louder than the sensor is a force with even odds."""
+    share = force_beyond(search, whole, beyond) / max(search.problem.errors.force, 1e-300)
+    if beyond.unknown or above_floor(search, whole):
+        return Unexplained(share, left_over(search, whole, beyond), beyond.on if beyond.unknown else ())
+    likely = POLICY.even * _force(search, beyond_noise(search, whole, POLICY.floor_factor))
+    return Unexplained(share, max(likely, more, 1.0 - POLICY.surest))
