@@ -307,3 +307,18 @@ def test_an_effect_that_is_added_is_seen_if_all_its_values_are(effect, seen):
     recording = prepare(Log(channels, STEP, "log.csv"), OBSERVER)
     added = add_effect([recording], PlantModel(INERTIA, 0.0, {}), OBSERVER, effect)
     assert any("not identifiable from this log" in line for line in added.warnings) is not seen
+
+
+@pytest.mark.parametrize(("shown", "said"), [(True, "this log"), (False, "this excerpt of the log")])
+def test_a_note_says_of_what_log_a_value_is_not_identifiable(shown, said, monkeypatch):
+    """What is surely not there is fitted to an excerpt of a long log alone: of the log nobody has asked."""
+    known = SimpleNamespace(estimates={"stiffness.coefficient": SimpleNamespace(at_bound=False, std_error=math.nan)})
+    known.tied, known.model, score = (), None, SimpleNamespace(rmse=1.0, heldout_rmse=1.0)
+    problem = SimpleNamespace(values=lambda _fit: known)
+    verdict = object.__new__(Verdict)
+    verdict.seen, verdict.problem = None, problem
+    verdict.search = SimpleNamespace(excerpt=SimpleNamespace(problem=problem, fit=lambda *_: None))
+    monkeypatch.setattr(Verdict, "_probability", lambda _self, _effect: 0.0)
+    monkeypatch.setattr(Verdict, "_rivals", lambda _self, _effect: ())
+    option = SimpleNamespace(effect="stiffness", fit=SimpleNamespace(terms=(), tap=0))
+    assert f"not identifiable from {said}: " in verdict._candidate(option, score, score, shown=shown).note

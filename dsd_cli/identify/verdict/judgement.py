@@ -254,12 +254,12 @@ class Verdict:
         likely, fit = self._probability(option.effect), option.fit
         part = None if shown or likely > 1.0 - POLICY.surest else self.search.excerpt
         known = self.problem.values(fit) if part is None else part.problem.values(part.fit(fit.terms, fit.tap))
-        rivals, prefix = self._rivals(option.effect), f"{option.effect}."
+        rivals, prefix, of = self._rivals(option.effect), f"{option.effect}.", "excerpt of the log" if part else "log"
         values = {name.removeprefix(prefix): e for name, e in known.estimates.items() if name.startswith(prefix)}
         if any(name.startswith(prefix) for name in known.tied):
             rivals = (*rivals, INERTIA)
         notes = [f"{name} stands on its bound" for name, e in values.items() if e.at_bound]
-        notes += [f"not identifiable from this log: {name}" for name, e in values.items() if math.isnan(e.std_error)]
+        notes += [f"not identifiable from this {of}: {name}" for name, e in values.items() if math.isnan(e.std_error)]
         seen = self.seen if self.seen and self.seen.effect == option.effect else None
         if seen is not None:  # the load is driven by the values that are written, as in `dsd compare`
             notes.append(note_on(seen, self.search.equations.band.hz))
