@@ -84,7 +84,7 @@ class Bank:
     variance : of the sensor's noise in a row of the acceleration. It would pull the inertia down (errors in variables).
     around : share of a step of delay at which the drive is exact, and linear beside it, and so are columns of u; None
         mixes two whole steps, which takes up to an eighth of (w step)^2 off the drive.
-    delay_step : samples from one whole-step delay ("tap") to the next.
+    delay_step : samples from one whole-step delay ("tap") to the next. hats : of free-form functions (`fit.freeform`).
     """
 
     def __init__(
@@ -93,6 +93,7 @@ class Bank:
         self.equations, self._source, self.variance, self._around = equations, source, variance, around
         self.delay_step = max(1, int(equations.band.step * POLICY.delay_step_share))
         self._known: dict[Any, list[Array]] = {}
+        self.hats: dict[Any, tuple[list[Array], Array]] = {}
         self._drives: dict[Any, Array] = {}
         self._last_commands: tuple[Terms | None, list[Array]] = (None, [])
         self._last_parts: dict[tuple[Terms, bool], dict[DelayTap, Array]] = {}

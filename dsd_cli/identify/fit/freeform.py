@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -84,7 +85,7 @@ class FreeformFits:
 
     Pulses of the fit keep their coefficients, in every fold as in the fit itself. base : what is explained, and the
     columns that explain it; owners : the effect of each of these, or `DELAY`, "" of what is neither's. apart : see
-    `basis`.
+    `basis`. _made : hats in the unit of u, which other fits to these rows ask for as well.
     """
 
     equations: Equations
@@ -94,7 +95,7 @@ class FreeformFits:
     owners: Sequence[str]
     pieces: Sequence[Piece]
     apart: float = APART
-    _made: dict[tuple[str, ...], tuple[list[Array], Array]] = field(default_factory=dict)
+    _made: dict[Any, tuple[list[Array], Array]] = field(default_factory=dict)
     _grams: dict[tuple[tuple[str, ...], bool], Grams] = field(default_factory=dict)
 
     def groups(self) -> list[tuple[str, ...]]:
@@ -166,15 +167,13 @@ class FreeformFits:
 
     def columns(self, on: tuple[str, ...]) -> tuple[list[Array], Array]:
         """Hats as rows in the unit of u, and the penalty on their bends, (c, c)."""
-        if on not in self._made:
+        held, of_u = has_friction(self.fit.terms), not {"u", GAIN}.isdisjoint(on)
+        key = (on, held, self.fit.tap if of_u else None, self.apart, self.blocks.count)
+        if key not in self._made:
             raw, penalty = self._raw(on)
-            held = has_friction(self.fit.terms)
-            made = [
-                self.equations.acting([units.column(i) for units in raw], smooth=False, held=held)
-                for i in range(raw[0].size)
-            ]
-            self._made[on] = made, penalty
-        return self._made[on]
+            every = ([units.column(i) for units in raw] for i in range(raw[0].size))
+            self._made[key] = [self.equations.acting(one, smooth=False, held=held) for one in every], penalty
+        return self._made[key]
 
     def _raw(self, on: tuple[str, ...]) -> tuple[list[Units], Array]:
         """c hats per interval of each stretch, and the penalty on their bends, (c, c)."""
@@ -219,7 +218,7 @@ def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, in
         at += width
     late = delayed(bank.equations, (), fit.tap * bank.tap_time)
     pieces = [piece_of(s, u) for s, u in zip(bank.equations.stretches, late, strict=True)]
-    return FreeformFits(equations, blocks, fit, [target, *base], owners, pieces)
+    return FreeformFits(equations, blocks, fit, [target, *base], owners, pieces, _made=bank.hats)
 
 
 def piece_of(stretch: Stretch, u: Array) -> Piece:

@@ -27,6 +27,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Score
 from dsd_cli.plant.model import PlantModel
+from dsd_cli.signals.once import once
 
 
 @dataclass(frozen=True)
@@ -111,6 +112,7 @@ class Problem:
         """Errors of a fit, unit of u."""
         return self.errors.of_fit(fit, self.scale)
 
+    @once
     def values(self, fit: Fit, returned: bool = True, as_found: bool = False) -> Fitted:
         """Values of a fit with standard errors, from rows where friction's direction is sure; `returned` : these count
         noise that came back through a controller, `as_found` : shapes stay. What is left beyond noise is correlated."""
@@ -155,10 +157,8 @@ def pose(
 ) -> Problem:
     """The problem which of the candidates the model lacks; `near` : about the delay, s, where a fit found one.
 
-    Raises
-    ------
-    DataError : too short, no motion, or a channel that the model's own effects need is missing.
-    UsageError : recordings with different sample times, a candidate that does not exist.
+    Raises DataError (too short, no motion, a channel that the model's own effects need is missing), UsageError
+    (recordings with different sample times, a candidate that does not exist).
     """
     check_recordings((*recordings, *holdout), model)
     known = settings.known
