@@ -79,8 +79,7 @@ INERTIA, SHARE = 0, 1
 class Bank:
     """Columns of some equations, each made once.
 
-    source : a bank of the same rows: in the unit of u, which this one whitens, or white, which it weighs; None: the
-        rows are as `equations` has them without whitening.
+    source : a bank of the same rows in the unit of u, which this one whitens, or white, which it weighs; None: neither.
     variance : of the sensor's noise in a row of the acceleration. It would pull the inertia down (errors in variables).
     around : share of a step of delay at which the drive is exact, and linear beside it, and so are columns of u; None
         mixes two whole steps, which takes up to an eighth of (w step)^2 off the drive.
@@ -95,6 +94,7 @@ class Bank:
         self._known: dict[Any, list[Array]] = {}
         self.hats: dict[Any, tuple[list[Array], Array]] = {}
         self._drives: dict[Any, Array] = {}
+        self._last_drive: dict[Any, Array] = {}
         self._last_commands: tuple[Terms | None, list[Array]] = (None, [])
         self._last_parts: dict[tuple[Terms, bool], dict[DelayTap, Array]] = {}
         self._last_events: dict[tuple[Term, bool], list[Array]] = {}
@@ -190,8 +190,8 @@ class Bank:
         """The command after these input effects, `tap` steps late, also between, and what acts in single logs alone;
         `held`: see `Stretch.acting`."""
         key = (inputs, tap, held)
-        if key in self._drives:
-            return self._drives[key]
+        if (known := self._drives.get(key, self._last_drive.get(key))) is not None:
+            return known
         parts = {} if any(s.levels for s in self.equations.stretches) else self.equations.parts(tap * self.tap_time)
         if len(parts) > 1:
             made = np.asarray(sum(weight * self._part(inputs, part, held) for part, weight in parts.items()))
@@ -204,6 +204,8 @@ class Bank:
                 made = made - self.equations.acting(taken, smooth, held)
         if keep:
             self._drives[key] = made
+        else:
+            self._last_drive = {key: made}  # where delays are tried in turn the next one begins with it
         return made
 
     def command(self, inputs: Terms, tap: float, held: bool = False) -> Array:

@@ -160,9 +160,8 @@ def total_gram(rows: Sequence[Array]) -> Array:
 
 def condensed(rows: Array) -> Array:
     """Much shorter rows with the same inner products as these, shape (p, N), piece by piece: each is as long as p."""
-    count = len(rows)
-    pieces = np.pad(rows, ((0, 0), (0, -rows.shape[1] % _CONDENSED))).reshape(count, -1, _CONDENSED)
-    return np.asarray(np.linalg.qr(pieces.transpose(1, 2, 0), mode="r")).transpose(2, 0, 1).reshape(count, -1)
+    pieces = (rows[:, i : i + _CONDENSED].T for i in range(0, max(rows.shape[1], 1), _CONDENSED))
+    return np.concatenate([np.asarray(np.linalg.qr(piece, mode="r")).T for piece in pieces], axis=1)
 
 
 def without_noise(gram: Array, noise: Array, rows: ArrayLike) -> Array:

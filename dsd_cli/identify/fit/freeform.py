@@ -85,7 +85,7 @@ class FreeformFits:
 
     Pulses of the fit keep their coefficients, in every fold as in the fit itself. base : what is explained, and the
     columns that explain it; owners : the effect of each of these, or `DELAY`, "" of what is neither's. apart : see
-    `basis`. _made : hats in the unit of u, which other fits to these rows ask for as well.
+    `basis`. made : hats in the unit of u, by what they are functions of.
     """
 
     equations: Equations
@@ -95,7 +95,7 @@ class FreeformFits:
     owners: Sequence[str]
     pieces: Sequence[Piece]
     apart: float = APART
-    _made: dict[Any, tuple[list[Array], Array]] = field(default_factory=dict)
+    made: dict[Any, tuple[list[Array], Array]] = field(default_factory=dict)
     _grams: dict[tuple[tuple[str, ...], bool], Grams] = field(default_factory=dict)
 
     def groups(self) -> list[tuple[str, ...]]:
@@ -169,11 +169,11 @@ class FreeformFits:
         """Hats as rows in the unit of u, and the penalty on their bends, (c, c)."""
         held, of_u = has_friction(self.fit.terms), not {"u", GAIN}.isdisjoint(on)
         key = (on, held, self.fit.tap if of_u else None, self.apart, self.blocks.count)
-        if key not in self._made:
+        if key not in self.made:
             raw, penalty = self._raw(on)
             every = ([units.column(i) for units in raw] for i in range(raw[0].size))
-            self._made[key] = [self.equations.acting(one, smooth=False, held=held) for one in every], penalty
-        return self._made[key]
+            self.made[key] = [self.equations.acting(one, smooth=False, held=held) for one in every], penalty
+        return self.made[key]
 
     def _raw(self, on: tuple[str, ...]) -> tuple[list[Units], Array]:
         """c hats per interval of each stretch, and the penalty on their bends, (c, c)."""
@@ -218,7 +218,7 @@ def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, in
         at += width
     late = delayed(bank.equations, (), fit.tap * bank.tap_time)
     pieces = [piece_of(s, u) for s, u in zip(bank.equations.stretches, late, strict=True)]
-    return FreeformFits(equations, blocks, fit, [target, *base], owners, pieces, _made=bank.hats)
+    return FreeformFits(equations, blocks, fit, [target, *base], owners, pieces, made=dict(bank.hats))
 
 
 def piece_of(stretch: Stretch, u: Array) -> Piece:
@@ -236,10 +236,7 @@ def _varies(piece: Piece, name: str) -> bool:
 
 def rich_residual(fits: FreeformFits) -> Array:
     """Residual of a fit with functions of every single channel at once; rows in the unit of u."""
-    columns = list(fits.base[1:])
-    for on in fits.groups():
-        if len(on) == 1:
-            columns += fits.columns(on)[0]
+    columns = [*fits.base[1:], *(x for on in fits.groups() if len(on) == 1 for x in fits.columns(on)[0])]
     rows = [fits.base[0], *columns]
     theta = solve(total_gram(rows)[None], SIZE)[0]
     used = min(len(columns) / max(len(rows[0]), 1), MOST_USED)  # degrees of freedom: a fit leaves less than the noise

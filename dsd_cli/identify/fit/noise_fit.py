@@ -39,7 +39,9 @@ def measured(plain: Bank, before: Solver, fit: Fit) -> tuple[Solver, Noise]:
     plain : bank of the rows in the unit of u. before : the solver that made the fit.
     """
     equations = plain.equations
-    residual = rich_residual(freeform_fits(plain, equations, before.blocks, fit, before.inertia))
+    fits = freeform_fits(plain, equations, before.blocks, fit, before.inertia)
+    residual = rich_residual(fits)
+    plain.hats.update(fits.made)  # the noise is measured anew beside the set that is found
     white = equations.with_whitening(*whitening_of(equations, residual))
     bank = Bank(white, plain, sensor_variance(white))
     solver, noise = _beside(bank, residual, before)

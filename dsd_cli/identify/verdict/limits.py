@@ -137,8 +137,7 @@ def _freed(search: Search, terms: Terms, tap: int) -> _Freed:
     bank = search.solver.bank
     rows = np.stack(bank.rows(terms, tap, keep=False))
     few = condensed(rows)
-    x = few[1:]
-    inverse = np.linalg.pinv(x.T, rcond=rows.shape[1] * np.finfo(float).eps)
+    inverse = np.linalg.pinv(few[1:].T, rcond=rows.shape[1] * np.finfo(float).eps)
     theta = inverse @ few[0]
     left = rows[0] - theta @ rows[1:]
     variance = float(inverse[SHARE] @ inverse[SHARE] * np.mean(left**2) * search.noise.inflation)
