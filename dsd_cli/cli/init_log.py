@@ -26,7 +26,7 @@ from dsd_cli.cli.init_proposal import (
 from dsd_cli.cli.init_questions import column_question, step_question, without_coarse_stamps
 from dsd_cli.cli.init_roles import Chosen, choose
 from dsd_cli.cli.init_stamps import finite_stamps, unit_of_stamps
-from dsd_cli.cli.init_units import doubt_of_step, step_of, units_of
+from dsd_cli.cli.init_units import doubt_of_step, near, step_of, units_of
 from dsd_cli.cli.recordings import by_updates, on_its_clock
 from dsd_cli.errors import DsdError, source_name
 from dsd_cli.files.csv_layout import CsvLayout
@@ -132,9 +132,10 @@ def _rows_apart(chosen: Chosen, asked: Asked, said: float | None, out: Proposal)
     if isinstance(told, int | float):
         return float(told)
     found = step_of(chosen.table, chosen.found)
-    why = f"the file says so{doubt_of_step(said, chosen.table, chosen.found)}"
-    if not said and found is not None and found[1]:
-        said, why = found[0], f'"{chosen.found["velocity"].column}" is the slope of the position then'
+    why = f"the file says so{doubt_of_step(said, found, chosen.found)}"
+    if found is not None and found[1] and not (said and near(found[0], said)):
+        why = f'"{chosen.found["velocity"].column}" is the slope of the position then'
+        said, why = found[0], f"{why}; the file says {said:g}" if said else why
     if said:
         out.put("signals", "sample_time", said, why)
     return said

@@ -125,7 +125,9 @@ def of_encoder(look: FirstLook, taken: Collection[str]) -> dict[str, Recognised]
 
 def turning(look: FirstLook) -> FirstLook:
     """With the speed that no name says, where one column that was measured is in turns a minute: nothing else is."""
-    units = {c: look.units[c] or unit_in(c, "velocity") for c in look.columns if not is_asked(c) and not is_error(c)}
+    taken = {one.column for one in look.found.values()}
+    free = [c for c in look.columns if c not in taken and not is_asked(c) and not is_error(c)]
+    units = {c: look.units[c] or unit_in(c, "velocity") for c in free}
     in_turns = {c: unit for c, unit in units.items() if NAMED["velocity"].get(whole_unit(unit)) == "rpm"}
     one = None if look.found.keys() & {"position", "velocity"} else _only("velocity", in_turns)
     return look if one is None else replace(look, found={**look.found, "velocity": one})

@@ -51,7 +51,7 @@ def units_of(
         return Units({})
     if p.of_kind or w.of_kind:
         return _from_one(p, w, scale)
-    if _near(scale, 1.0):
+    if near(scale, 1.0):
         return Units({})
     if counted != 1.0:
         why = (
@@ -59,7 +59,7 @@ def units_of(
         )
         return Units({"velocity_scale": float(f"{counted / scale:.6g}")}, why)
     for of_p, of_w in _PAIRS:
-        if _near(scale, POSITION[of_p][1] / VELOCITY[of_w][1]):
+        if near(scale, POSITION[of_p][1] / VELOCITY[of_w][1]):
             why = f'"{w.column}" is {scale:.4g} times the slope of "{p.column}": {of_p} and {of_w}, if nobody says more'
             return Units({"position_unit": of_p, "velocity_unit": of_w}, why)
     why = f'"{w.column}" is {scale:.4g} times the slope of "{p.column}" per s; taken as rad or m, the velocity follows'
@@ -112,11 +112,10 @@ def step_of(table: Table | None, found: Mapping[str, Recognised]) -> tuple[float
     return (float(f"{position / (velocity * scale):.4g}"), True) if of_p == of_w else None
 
 
-def doubt_of_step(said: float | None, table: Table | None, found: Mapping[str, Recognised]) -> str:
+def doubt_of_step(said: float | None, other: tuple[float, bool] | None, found: Mapping[str, Recognised]) -> str:
     """What the motion says against the s between rows that a log says, as a simulator's step of which every tenth is
     written; "": nothing."""
-    other = step_of(table, found)
-    if not said or other is None or _near(other[0], said):
+    if not said or other is None or near(other[0], said):
         return ""
     roles = " and ".join(f'"{found[role].column}"' for role in ("velocity", "position"))
     return f"; {other[0]:g} if {roles} are in units that belong together"
@@ -129,11 +128,11 @@ def _from_one(p: Recognised, w: Recognised, scale: float) -> Units:
     kind, known = said
     what = f'"{w.column}" is {scale:.4g} times the slope of "{p.column}"'
     if p.of_kind:
-        fits = [name for name, (of, f) in VELOCITY.items() if of == kind and _near(scale, known / f)]
+        fits = [name for name, (of, f) in VELOCITY.items() if of == kind and near(scale, known / f)]
         if fits:
             return Units({"velocity_unit": fits[0]}, f"{what}: it is in {fits[0]}")
         return Units({"velocity_scale": float(f"{known / scale:.6g}")}, f"{what}, which makes this its factor")
-    fits = [name for name, (of, f) in POSITION.items() if of == kind and _near(scale, f / known)]
+    fits = [name for name, (of, f) in POSITION.items() if of == kind and near(scale, f / known)]
     if fits:
         return Units({"position_unit": fits[0]}, f"{what}: that is in {fits[0]}")
     return _scaled(w, p, known * scale, scale)
@@ -145,7 +144,7 @@ def _scaled(w: Recognised, p: Recognised, factor: float, scale: float) -> Units:
     return Units({"position_scale": float(f"{factor:.6g}")}, f"{what}, which makes this its factor")
 
 
-def _near(scale: float, other: float) -> bool:
+def near(scale: float, other: float) -> bool:
     return abs(scale / other - 1.0) < NEAR
 
 

@@ -59,7 +59,7 @@ def _too_small(last: Diagnosis) -> list[str]:
     """That what is left is no noise of the sensor, and yet so little of u that it does not count as missing; or that it
     is much of u, but may be that noise."""
     u, share = 100.0 * last.score.rmse / max(last.score.relative_error_percent, 1e-300), last.unexplained.share_of_u
-    left = share * u
+    left = math.hypot(share * u, last.floor)  # the share is without the noise
     if not left > POLICY.floor_factor * last.floor:
         noise = f"may be noise: the sensor's is measured as {error(last.floor)} {last.units.force}, and up to"
         return [f"{noise} {POLICY.floor_factor:g} times that counts as such"] if share > POLICY.least_unknown else []

@@ -143,7 +143,7 @@ def test_what_a_set_explains_is_counted_from_where_the_climb_began():
     whole = search.fit((*search.base, Term("coulomb_friction")), search.refit.tap)
 
     def begun(name="coulomb_friction", on=("position",), asked=climbed):
-        return before_climb(search, whole, Discrepancy(on, 0.1, True, 0.1), asked, name)
+        return before_climb(search, whole, Discrepancy(on, 0.1, True, 0.1, 1.0), asked, name)
 
     assert begun().terms == search.before.terms == (Term("stiffness"),)
     assert begun(asked=Settings()) is search.refit

@@ -169,7 +169,7 @@ def test_a_name_stands_for_what_is_left_by_its_channels_or_by_how_little_it_is_b
     verdict.problem = SimpleNamespace(errors=SimpleNamespace(rmse=lambda _: 1.0))
     verdict.shown, verdict._named_for, verdict.doubted = SimpleNamespace(settings=None), {}, ""
     verdict.members = {"cogging": Membership("cogging", {"cogging": belief}, ())}
-    verdict.beyond = Discrepancy(left_on, 0.5, True, 0.1)
+    verdict.beyond = Discrepancy(left_on, 0.5, True, 0.1, 1.0)
     assert verdict._of_members() == (named, belief if named == "cogging" else 0.9)
     assert verdict.doubted == ("cogging" if named == "unknown" else "")
 
@@ -193,7 +193,7 @@ def test_unknown_is_no_surer_than_what_is_left_of_u_bears_out(monkeypatch):
     """A third of a percent is none; even odds at the 1 % that no model says better; 3 % and more are."""
     monkeypatch.setattr(discrepancy, "surely_left", lambda search, _fit: search.problem.errors.rmse(None))
     shares = (0.0, 0.003, 0.01, 0.03, 0.3)
-    nothing_known = Discrepancy((), 0.0, False, 0.0)
+    nothing_known = Discrepancy((), 0.0, False, 0.0, 0.0)
     sure = [probability.left_over(left_in(share, floor=0.0), None, nothing_known) for share in shares]
     assert sure == sorted(sure)
     assert sure[0] == 0.0
@@ -227,10 +227,10 @@ def test_what_no_noise_of_the_sensor_leaves_is_a_force_before_it_is_called_missi
 ):
     """4.4 % of u beside a sensor's 3 % were "more is missing: 1 %", and 5 % of it 80 %: 2.2 % are beyond 1.6 times
     3 %, and half of 1 / (1 + (1 % / 2.2 %)^2) is what is believed of those. Of 1.5 times the noise nothing is."""
-    errors = SimpleNamespace(force=1.0)
+    errors = SimpleNamespace(force=1.0, rmse=lambda _: left)
     problem = SimpleNamespace(errors=errors, floor=floor, least_missing=math.hypot(1.6 * floor, 0.03))
     monkeypatch.setattr(discrepancy, "surely_left", lambda *_: left)
-    beyond = Discrepancy((), left, False, left)
+    beyond = Discrepancy((), left, False, left, left)
     got = probability.unexplained_of(SimpleNamespace(problem=problem), None, beyond, more)
     assert got.probability == pytest.approx(wanted, abs=0.01)
 
@@ -241,7 +241,7 @@ def test_what_a_function_explains_is_a_force_however_much_noise_was_expected(unk
     noise was thought to be: "something is missing", 0 %. Such an encoder's steps may follow the motion: even odds."""
     problem = SimpleNamespace(errors=SimpleNamespace(force=1.0, rmse=lambda _: 0.027), floor=0.03, least_missing=0.06)
     monkeypatch.setattr(discrepancy, "surely_left", lambda search, _fit: search.problem.errors.rmse(None))
-    beyond = Discrepancy(("position",), 0.01, unknown, 0.027)
+    beyond = Discrepancy(("position",), 0.01, unknown, 0.027, 0.027)
     got = probability.unexplained_of(SimpleNamespace(problem=problem), None, beyond, 0.01)
     assert got.share_of_u == pytest.approx(0.025 if unknown else 0.0, abs=1e-4)
     assert got.probability == pytest.approx(0.5 / (1.0 + 0.4**2) if unknown else 0.01, abs=0.01)

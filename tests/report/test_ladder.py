@@ -120,19 +120,19 @@ def test_what_was_added_is_not_called_missing() -> None:
 def test_a_part_of_u_that_is_too_small_to_count_is_no_noise_of_the_sensor() -> None:
     """0.3 % of u, twelve times the floor, was "probability that more is missing: 1 %" and no more was said; u is
     0.38 / 12 % = 3.17."""
-    least = Unexplained(0.02, 0.01)  # 0.0633 of u, over a floor of 0.02
+    least = Unexplained(0.02, 0.01)  # 0.0633 of u beside a floor of 0.02: 0.0664
     left = replace(NOTHING, unexplained=least, refitted=Score(0.06, 0.065, 98.0, 2.0), ranking=DIAGNOSIS.ranking)
     lines = two_answers((), replace(left, verdict="inertia"))
     assert lines[1:] == [
-        "too small to count: 0.0633 unit of u is left, of which the sensor's noise would leave 0.02; less than 3 % of u"
+        "too small to count: 0.0664 unit of u is left, of which the sensor's noise would leave 0.02; less than 3 % of u"
         " counts as what any model leaves"
     ]
     better = replace(DIAGNOSIS.ranking[0], heldout_rmse_after=0.013)
     (_, line) = two_answers((), replace(left, ranking=(better, *DIAGNOSIS.ranking[1:])))
     assert line.endswith("; coulomb_friction (level 0.52 +- 0.03 u) would take 80 % of it off")
-    assert len(two_answers((), replace(left, unexplained=Unexplained(0.01, 0.01)))) == 1, "1.6 times the floor"
-    noisy = two_answers((), replace(left, floor=0.05, unexplained=Unexplained(0.02, 0.01)))
-    said = "may be noise: the sensor's is measured as 0.05 unit of u, and up to 1.6 times that counts as such"
+    assert len(two_answers((), replace(left, unexplained=Unexplained(0.0078, 0.01)))) == 1, "1.6 times the floor"
+    noisy = two_answers((), replace(left, floor=0.06, unexplained=Unexplained(0.02, 0.01)))
+    said = "may be noise: the sensor's is measured as 0.06 unit of u, and up to 1.6 times that counts as such"
     assert noisy == ["unexplained: 2 % of u (probability that more is missing: 1 %)", said]
 
 

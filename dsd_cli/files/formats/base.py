@@ -117,6 +117,8 @@ def check_size(path: str, size: float) -> None:
         )
 
 
+#: A field of a struct from so many numbers on is a channel: fewer are gains, or a matrix, of a controller.
+FEWEST = 20
 #: What a single number is called that is the s between samples: as in an iddata, in what a simulator was set to.
 _SAMPLE_TIMES = {"ts", "dt", "sampletime", "sample_time", "tsample", "timestep", "time_step"}
 

@@ -15,7 +15,7 @@ import numpy as np
 from dsd_cli.errors import DataError
 from dsd_cli.files.content import text_of
 from dsd_cli.files.csv_cells import stamps_in
-from dsd_cli.files.formats.base import InMemory, check_size, says_sample_time
+from dsd_cli.files.formats.base import FEWEST, InMemory, check_size, says_sample_time
 from dsd_cli.files.formats.long_form import form_by_texts, turned
 from dsd_cli.files.formats.messages import LONGEST_ARRAY, fields
 from dsd_cli.signals.log import Array
@@ -32,6 +32,8 @@ SYSID = {
 }
 #: What it calls the units of its positions.
 SYSID_UNITS = {"meters": "m", "rotations": "turn", "radians": "rad", "degrees": "deg", "inches": "in", "feet": "ft"}
+#: What the part of a document is called in which it speaks of itself.
+_OF_ITSELF = {"metadata", "meta", "header", "info", "attributes", "config", "settings", "simulation"}
 #: Rows have no more numbers.
 MOST_FIELDS = 1000
 Table = dict[str, Array]
@@ -168,12 +170,20 @@ def _beside_arrays(name: str, found: Mapping[str, Table]) -> bool:
     return all(map(str.isdigit, found[name])) and not lengths.isdisjoint(x.size for x in around.values())
 
 
-def _sample_times(value: Any) -> set[float]:
-    """The s between samples that a document says beside its samples, in what it has by name."""
-    if not isinstance(value, Mapping):
-        return set()
-    own = {float(one) for key, one in value.items() if says_sample_time(str(key), one)}
-    return own.union(*(_sample_times(one) for one in value.values()))
+def _sample_times(document: Any) -> set[float]:
+    """The s between samples that a document says beside its samples, or in what it says of itself; the step of a
+    controller or of a filter is another."""
+    said, left = set[float](), [document]
+    while left:
+        one = left.pop()
+        if isinstance(one, Mapping):
+            said |= {float(value) for key, value in one.items() if says_sample_time(str(key), value)}
+            left += [value for key, value in one.items() if str(key).lower() in _OF_ITSELF or _has_samples(value)]
+    return said
+
+
+def _has_samples(value: Any) -> bool:
+    return isinstance(value, Mapping) and any(isinstance(one, list) and len(one) >= FEWEST for one in value.values())
 
 
 def _joined(tables: list[Table]) -> Table:

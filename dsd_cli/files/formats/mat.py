@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.files.formats.base import InMemory, check_size, columns_of, says_sample_time
+from dsd_cli.files.formats.base import FEWEST, InMemory, check_size, columns_of, says_sample_time
 from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, not_seen, object_channels
 from dsd_cli.signals.log import Array
 
@@ -86,10 +86,6 @@ def _claimed(path: str) -> float:
         return sum(8.0 * math.prod(shape) for _, shape, _ in whosmat(path))
     except TypeError:
         return 0.0
-
-
-#: A field of a struct from so many numbers on is a channel: fewer are gains, or a matrix, of a controller.
-FEWEST = 20
 
 
 def _sample_time(variables: Mapping[str, Any]) -> float | None:

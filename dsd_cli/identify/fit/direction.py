@@ -114,21 +114,24 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
             known[tap] = 0.5 * solver.bank.equations.counted * math.log(left) + distance(tap)
         return known[tap]
 
+    def refined(tap: int, width: int) -> int:
+        while width > 1:
+            beside = range(max(tap - width, first), min(tap + width, last) + 1, max(width // 4, 1))
+            tap, width = min(beside, key=nats), max(width // 4, 1)
+        return tap
+
     nats(first)
     step = max(1, (len(allowed) - 1) // _COARSE)
     tried = coarse = allowed[::step]
     if near is not None:
         near = min(max(near, first), last)
-        low, high = max(near - _AROUND * step, first), min(near + _AROUND * step, last)
-        around = range(low, high + 1, step)
+        around = range(max(near - _AROUND * step, first), min(near + _AROUND * step, last) + 1, step)
         tried = around if around[0] < min(around, key=nats) < around[-1] else tried
-    best = min(tried, key=nats)
-    while step > 1:
-        tried = range(max(best - step, first), min(best + step, last) + 1, max(step // 4, 1))
-        best, step = min(tried, key=nats), max(step // 4, 1)
-    if distance(best) < 1.0:
+    best = refined(min(tried, key=nats), step)
+    near_by = [tap for tap in {*coarse, *known} if distance(tap) < 1.0]
+    if distance(best) < 1.0 or not near_by:
         return best
-    here, kept = min((n for n in coarse if distance(n) < 1.0), key=nats, default=best), solver.bank.equations.kept
+    here, kept = refined(min(near_by, key=nats), step), solver.bank.equations.kept
     further = distance(best) - distance(here)
     was, left = (solver.fit(terms, n).forward @ np.stack(solver.bank.rows(terms, n)) for n in (here, best))
     by_chance = max(shared_inflation(left[kept], (was - left)[kept]), 1.0)  # Bartlett's factor

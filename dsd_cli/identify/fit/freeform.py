@@ -96,7 +96,7 @@ class FreeformFits:
     pieces: Sequence[Piece]
     apart: float = APART
     made: dict[Any, tuple[list[Array], Array]] = field(default_factory=dict)
-    _grams: dict[tuple[tuple[str, ...], bool], Grams] = field(default_factory=dict)
+    _grams: dict[tuple[tuple[str, ...], bool], Grams] = field(init=False, default_factory=dict)
 
     def groups(self) -> list[tuple[str, ...]]:
         """Groups whose channels all stretches have, and that vary."""
@@ -122,7 +122,7 @@ class FreeformFits:
 
     def without(self, effect_id: str, on: tuple[str, ...] = (), whitened: bool = True) -> Array:
         """Held-out squares per block, shape (B,), with a function of these channels (none: without any) in the place of
-        an effect, or of the delay (`DELAY`); "" : beside all of them. Not `whitened`: in the unit of u."""
+        an effect, or of the delay (`DELAY`); "" : beside all. Not `whitened`: of rows that count, in the unit of u."""
         every = self._found(on, whitened)
         hats = range(len(self.base), every.total.shape[-1])
         found = every.of([*(i for i, owner in enumerate(self.owners) if not owner or owner != effect_id), *hats])
@@ -133,7 +133,7 @@ class FreeformFits:
         """Of the base, and of the hats over these channels behind it."""
         if (on, whitened) not in self._grams:
             rows = [*self.base, *(self.columns(on)[0] if on else ())]
-            rows = [self.equations.whitened(x) for x in rows] if whitened else rows
+            rows = [self.equations.whitened(x) if whitened else x * self.equations.kept for x in rows]
             self._grams[on, whitened] = grams(rows, self.blocks)
         return self._grams[on, whitened]
 

@@ -24,12 +24,13 @@ from dsd_cli.signals.log import Array
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """What a fit leaves: the best free-form function of it, and whether something unknown is among it."""
+    """What a fit leaves: the best free-form function of it, if something unknown is there; plain : its own rmse."""
 
     on: tuple[str, ...]
     heldout_rmse: float
     unknown: bool
     noise: float
+    plain: float
 
     @property
     def of_gain(self) -> bool:
@@ -86,7 +87,7 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
     noise = plain * math.sqrt(1.0 - share)
     groups = [fits.fit_with(group) for group in fits.groups() if asked(group)]
     if not groups:
-        return Discrepancy((), plain, False, noise)
+        return Discrepancy((), plain, False, noise, plain)
     best = max(groups, key=lambda f: f.gain)
     reached = fits.left_of(plain, best.on)
     certain = best.gain / search.noise.nats > POLICY.unknown_nats and reached < (1.0 - POLICY.unknown_fall) * plain
@@ -95,7 +96,7 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
     structured = share > POLICY.structured_share and math.sqrt(share) * left > least
     on = best.on if reached < plain else ()
     unknown = ((certain and large) or structured) and not _in_doubt(search, fit)
-    return Discrepancy(on, min(reached, plain), unknown, noise)
+    return Discrepancy(on, min(reached, plain), unknown, noise, plain)
 
 
 def above_floor(search: Search, fit: Fit) -> bool:
@@ -121,7 +122,8 @@ def beyond_noise(search: Search, fit: Fit, times: float = 1.0) -> float:
 def force_beyond(search: Search, fit: Fit, beyond: Discrepancy) -> float:
     """rms of the force that a fit leaves, unit of u: what is beyond the sensor's noise, and of what is unknown no less
     than can be explained, for of a coarse sensor more noise may have been expected than there is."""
-    explained = math.sqrt(max(search.problem.errors.rmse(fit) ** 2 - beyond.least**2, 0.0)) if beyond.unknown else 0.0
+    share = 1.0 - (beyond.least / max(beyond.plain, 1e-300)) ** 2 if beyond.unknown else 0.0
+    explained = search.problem.errors.rmse(fit) * math.sqrt(max(share, 0.0))
     return max(beyond_noise(search, fit), min(explained, surely_left(search, fit)))
 
 
@@ -201,11 +203,11 @@ def without_imitations(search: Search, whole: Fit, beyond: Discrepancy) -> tuple
         return whole, beyond
     best = min(laws, key=lambda law: law.loss)
     rest, alone = search.fit(best.terms, whole.tap), part.solver.fit(best.terms, fit.tap)
-    plain, left = (s.problem.errors.rmse(one) for s, one in ((search, rest), (part, alone)))
-    left = part.freeform(alone).left_of(left, best.on)
+    plain = part.problem.errors.rmse(alone)
+    left = part.freeform(alone).left_of(plain, best.on)
     if left > (1.0 - POLICY.unknown_fall) * search.problem.errors.rmse(whole):
         return whole, beyond
-    return rest, Discrepancy(best.on, min(left, plain), True, beyond.noise)
+    return rest, Discrepancy(best.on, min(left, search.problem.errors.rmse(rest)), True, beyond.noise, plain)
 
 
 def _law(search: Search, whole: Fit, beside: Freeform) -> _Law | None:

@@ -188,7 +188,7 @@ class Verdict:
         joint = problem.values(self.whole) if several else known
         unknown, source, own = self.beyond.unknown, problem.recordings[0].provenance, verdict in problem.model.effects
         one = self.seen is not None or verdict == self.own.wrong != ""
-        more = {NONE: 1.0 - self.sure, UNKNOWN: left_over(self.search, self.named_part, self.beyond)}
+        more = {NONE: 1.0 - self.sure, UNKNOWN: self.sure}
         return Diagnosis(
             logs=tuple(r.name for r in problem.recordings),
             samples=sum(r.samples for r in problem.recordings),

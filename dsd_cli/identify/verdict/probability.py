@@ -235,10 +235,10 @@ def _force(search: Search, left: float) -> float:
 
 
 def unexplained_of(search: Search, whole: Fit, beyond: Discrepancy, more: float = 0.0) -> Unexplained:
-    """What a set leaves. more : probability that more is missing, at the least, where neither a function of the
-    channels nor its size says that something is: then what is louder than the sensor is a force with even odds."""
+    """What a set leaves. more : probability that more is missing, at the least. Where neither a function of channels
+    nor its size says that something is, what is beyond `floor_factor` times the noise is a force with even odds."""
     share = force_beyond(search, whole, beyond) / max(search.problem.errors.force, 1e-300)
     if beyond.unknown or above_floor(search, whole):
-        return Unexplained(share, left_over(search, whole, beyond), beyond.on if beyond.unknown else ())
+        return Unexplained(share, max(left_over(search, whole, beyond), more), beyond.on if beyond.unknown else ())
     likely = POLICY.even * _force(search, beyond_noise(search, whole, POLICY.floor_factor))
     return Unexplained(share, max(likely, more, 1.0 - POLICY.surest))
