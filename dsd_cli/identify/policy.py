@@ -106,8 +106,6 @@ class Policy:
     response_damping: float = 0.25  # of the free vibration; above, nothing swings
     response_correlated: float = 6.0  # rows over which what a swinging load leaves is correlated; more: play may rattle
     response_fall: float = 0.5  # of the output error that it takes off: less, and it leaves something correlated
-    load_takes: float = 3.0  # times the floor is left at most with a load of the balance, and times that without it
-
     response_rise: float = 0.02  # of the held-out error in the band, that such a load may cost there
     driven_gain: float = 0.7  # of the error with a load that the sensor drives, that one driven by the model may leave
     play_deviations: float = 5.0  # standard errors of a gap, which it must have

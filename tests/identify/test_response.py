@@ -260,6 +260,18 @@ def test_a_load_in_the_band_stays_where_the_response_does_not_show_it():
     assert answer.verdict in answer.found
 
 
+def test_a_load_that_friction_hides_from_the_response_stays_over_a_background():
+    """Several times the sensor's noise is left that no law describes, with the load as without it."""
+    axis = Axis(("flexible_coupling", "coulomb_friction"), 1, "speed40k")
+    over = {name: x[:8000] for name, x in axis.log.channels.items()}
+    slow = lfilter([0.02], [1.0, -0.98], np.random.default_rng(8).standard_normal(8000))
+    over["u"] = over["u"] + 0.03 * np.std(over["u"]) * slow / np.std(slow)
+    recording = prepare(Log(over, axis.log.sample_time, "log.csv"), axis.observer)
+    few = Settings((*LOADS, "coulomb_friction", "viscous_friction"))
+    answer = diagnose([recording], axis.model, axis.observer, few)
+    assert set(answer.found) == {"flexible_coupling", "coulomb_friction"}
+
+
 def test_a_model_without_a_load_drives_none(swinging):
     (same,) = with_driven_load([swinging.recording], swinging.model)
     assert same is swinging.recording

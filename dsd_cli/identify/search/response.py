@@ -44,6 +44,7 @@ class Response:
     """What a look at the response came to.
 
     seen : None where it shows no load for certain.
+    silent : what the mode that explains most leaves is correlated: nothing is said of a load by its not being seen.
     rattles : play explains much of it, but no simulation follows the load well enough to be certain of it.
     line_hz : of a push at one frequency above the band, all along; NaN where there is none.
     """
@@ -51,6 +52,7 @@ class Response:
     seen: Seen | None
     rattles: bool = False
     line_hz: float = math.nan
+    silent: bool = False
 
 
 def response_of(search: Search, whole: Fit, asked: Sequence[str], doubtful: bool) -> Response | None:
@@ -115,26 +117,26 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     play = _play(search, look, (rigid, modes.columns(at))) if sought else None
     if play is not None and play.certain:
         return Response(play.seen(highest))
-    rattles = play is not None and play.rattles
+    correlated = correlation_time(swinging) > POLICY.response_correlated
+    unseen = Response(None, play is not None and play.rattles, silent=correlated)
     inside = frequency < highest  # further out it is how the log samples u
     if COUPLING not in asked or not (
         inside and _agreed(over_rigid) and is_a_load(values["load_share"][0]) and damping < POLICY.response_damping
     ):
-        return Response(None, rattles)
+        return unseen
     fresh = _whatever_the_noise(signals, rival)
     target = fresh(signals.target)
     if not _enough(gains(left(fresh(rigid), target), left(fresh(modes.columns(at)), target))):
-        return Response(None, rattles)
+        return unseen
     tied = play is not None and not _agreed(gains(play.rest, swinging))
     fall, nats = _fall(rival, swinging), float(over_rigid.sum())
-    correlated = correlation_time(swinging) > POLICY.response_correlated
     if PLAY in asked and correlated and fall < POLICY.response_fall:
-        return Response(None, rattles=True)
+        return replace(unseen, rattles=True)
     rivals = (PLAY,) if tied else ()
     given = {name: value for name, (value, _) in values.items()}
     model = look.part.problem.scale.model(look.fit).changed(effects={COUPLING: given})
     seen = Seen(COUPLING, values, rivals, nats, fall, highest, values["frequency"][0], model)
-    return Response(seen, rattles)
+    return replace(unseen, seen=seen)
 
 
 def _steady_line(search: Search, look: _Look) -> float:

@@ -102,7 +102,7 @@ def with_response(search: Search, whole: Fit, task: Task, doubtful: bool) -> Res
     seen = response.seen
     unchanged = replace(unchanged, rattles=response.rattles, line_hz=response.line_hz)
     if seen is None:
-        return _without_load(unchanged, task)
+        return _without_load(unchanged, task, response.silent)
     if not math.isnan(seen.off):
         return _with_contacts(replace(unchanged, rattles=doubtful), seen, task)
     known = replace(settings, known=settings.known.seeing(seen.effect, seen.values, {}))
@@ -155,23 +155,23 @@ def _needed(beside: Search, whole: Fit, model: PlantModel) -> tuple[str, ...]:
     return tuple(t.id for t in lacking if needed(t))
 
 
-def _without_load(found: Resonance, task: Task) -> Resonance:
+def _without_load(found: Resonance, task: Task, silent: bool) -> Resonance:
     """A load that the balance found and the response does not show is none: it followed the noise of the sensor.
 
-    Unless far more than noise is left without it, and next to nothing with it.
+    A silent response is no evidence: an axis that friction holds now and then has no linear one, and forces that no
+    law describes are in it as well. Then blocks that were held out decide between the load and the best set without
+    one, and it must take off more than is left with it: noise, and forces of which a load might follow any part.
     """
     search, whole = found.search, found.whole
-    loads = [t for t in search.added(whole.terms) if t.id in SHOWN]
-    if not loads:
+    if not any(t.id in SHOWN for t in search.added(whole.terms)):
         return found
-    rmse, floor = search.problem.errors.rmse, search.problem.floor
-    rest = search.without(whole, *loads)
-    if rmse(whole) < POLICY.load_takes * floor and rmse(rest) > POLICY.load_takes * rmse(whole):
+    settings = replace(found.settings, effects=tuple(name for name in search.allowed if name not in SHOWN))
+    without, best = searched(replace(task, settings=settings))
+    rest, rmse = search.fit(best.terms, best.tap), search.problem.errors.rmse
+    taken = rmse(rest) ** 2 - rmse(whole) ** 2
+    if silent and taken > rmse(whole) ** 2 and search.matters(rest, whole):
         return found
-    others = tuple(name for name in found.search.allowed if name not in SHOWN)
-    settings = replace(found.settings, effects=others)
-    search, whole = searched(replace(task, settings=settings))
-    return replace(found, search=search, whole=whole, settings=settings)
+    return replace(found, search=without, whole=best, settings=settings)
 
 
 def _better(found: Resonance, beside: Search, whole: Fit) -> bool:
