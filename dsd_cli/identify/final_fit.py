@@ -74,7 +74,7 @@ def add_effect(
     said: tuple[str, ...] = contradictions(search, fit, known.estimates)
     if not own and not is_told(effect_id, known.estimates):  # it is written, but not seen
         said += (
-            f"not identifiable from this log: {effect_id}: its values are not all away from 0 by twice their error",
+            f"not identifiable from this log: {effect_id}: its values may be 0, within twice their standard errors",
         )
     return Addition(
         effect_id, known.model, before.score, after, known.estimates, said, before.refitted, known.correlations

@@ -18,8 +18,8 @@ class Missing:
 class Unexplained:
     """What the effects that were found leave of u beyond the sensor's noise.
 
-    share_of_u : its rms over that of u, within the band. probability : that anything is there. on : channels on which
-    it depends, as far as that is known.
+    share_of_u : its rms over that of u, within the band; if unknown, no less than is explained of it. probability :
+    that anything is there. on : channels on which it depends, as far as that is known.
     """
 
     share_of_u: float = math.nan

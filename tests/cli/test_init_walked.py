@@ -175,3 +175,28 @@ def test_the_step_that_a_document_says_is_that_of_its_rows_unless_the_motion_say
     assert f"sample_time = {step}" in answer.text
     (line,) = (line for line in answer.said if line.startswith("sample_time"))
     assert ("0.004" in line.partition("the file says so")[2]) is doubt
+
+
+def test_a_step_that_units_speak_against_is_none_of_the_rows(tmp_path: Path) -> None:
+    """Position and speed name their units: the motion says the step, whatever a document does."""
+    names = (("torque_nm", "u"), ("position_rad", "q"), ("velocity_rad_s", "v"))
+    path = tmp_path / "run.json"
+    path.write_text(json.dumps({"dt": 0.0004, **{name: SHORT[k].tolist() for name, k in names}}))
+    (line,) = (line for line in proposed(path).said if line.startswith("sample_time"))
+    assert "0.004" in line.partition("=")[2][:7]
+    assert "the file says 0.0004" in line
+
+
+def test_the_step_of_a_controller_is_none_of_the_rows(tmp_path: Path) -> None:
+    path = tmp_path / "run.json"
+    columns = {name: SHORT[k].tolist() for name, k in (("u", "u"), ("velocity", "v"))}
+    path.write_text(json.dumps({**columns, "controller": {"dt": 0.0005, "kp": [1.0, 2.0]}}))
+    assert sample(str(path)).sample_time is None
+
+
+def test_what_the_user_calls_u_is_not_the_speed_as_well(tmp_path: Path) -> None:
+    path = table(tmp_path, "time_s,input (rpm),y1", SHORT["t"], SHORT["u"], SHORT["v"])
+    assert (
+        "input (rpm)"
+        not in {role: c for role, c in roles(chosen(path, u="input (rpm)")).items() if role != "u"}.values()
+    )

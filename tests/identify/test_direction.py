@@ -209,11 +209,15 @@ def test_a_sine_motion_leaves_no_delay_of_a_part_of_its_period():
     assert search.problem.scale.model(search.refit).delay < 0.01
 
 
-@pytest.mark.parametrize(("colour", "delay"), [(200, 0), (1, 120)])
-def test_a_far_delay_is_taken_for_more_than_chance_explains_of_what_is_left(colour, delay):
-    """A force that is alike for seconds is explained in part by u of a while ago; white noise is not."""
+@pytest.mark.parametrize(
+    ("colour", "own", "near", "delay"), [(200, 0, None, 0), (200, 3, None, 3), (200, 3, 90, 3), (1, 3, None, 120)]
+)
+def test_a_far_delay_is_taken_for_more_than_chance_explains_of_what_is_left(colour, own, near, delay):
+    """A force that is alike for seconds is explained in part by u of a while ago; white noise is not. The likeliest one
+    near by, to a step, is taken in the place of one by chance."""
     force = np.random.default_rng(0).normal(size=800 // colour).repeat(colour)
-    rows = [[force * (1.0 - 0.2 * math.exp(-(((tap - 120) / 20.0) ** 2)))] for tap in range(200)]
+    dips = ((0.2, 120, 20.0), (0.1, own, 2.0))
+    rows = [[force * (1.0 - sum(a * math.exp(-(((tap - b) / c) ** 2)) for a, b, c in dips))] for tap in range(200)]
     equations = SimpleNamespace(counted=float(force.size), kept=np.ones(force.size, dtype=bool))
     bank = SimpleNamespace(tap_time=STEP, equations=equations, rows=lambda _, tap: rows[tap])
     solver = SimpleNamespace(
@@ -222,7 +226,7 @@ def test_a_far_delay_is_taken_for_more_than_chance_explains_of_what_is_left(colo
         squares=lambda _terms, tap, keep=False: float(rows[tap][0] @ rows[tap][0]),
         fit=lambda _terms, tap: SimpleNamespace(tap=tap, forward=np.ones(1)),
     )
-    assert best_delay(solver, (), 199) == delay
+    assert best_delay(solver, (), 199, near) == delay
 
 
 def run_up(levels: tuple[float, ...]) -> list:

@@ -139,6 +139,19 @@ def test_only_channels_that_vary_are_tried(hidden):
     assert not any("position" in group for group in replace(fits, pieces=[still]).groups())
 
 
+@pytest.mark.parametrize("counting", [1.0, 0.65])
+def test_what_a_function_leaves_is_of_the_rows_that_count(counting, monkeypatch):
+    """Where the axis rests friction is anything: no part of the error, nor of what a function leaves of it."""
+    drive, law, noise, rest = np.random.default_rng(4).normal(size=(4, 20000))
+    kept = np.arange(20000) % 20 < 20 * counting
+    plain = np.where(kept, 0.6 * law + 0.05 * noise, 3.0 * rest)
+    rows = SimpleNamespace(kept=kept, whitened=lambda x: x * kept)
+    monkeypatch.setattr(FreeformFits, "columns", lambda *_: ([law], np.zeros((1, 1))))
+    base, owners = [drive + plain, drive, np.zeros(20000)], ["", "", DELAY]
+    fits = FreeformFits(rows, lay_blocks([20000], 5, "log"), None, base, owners, [])
+    assert fits.left_of(float(np.std(plain[kept])), ("velocity",)) == pytest.approx(0.05, rel=0.1)
+
+
 @pytest.mark.parametrize("of_law", [True, False])
 def test_a_law_is_no_delay_below_0_and_such_a_delay_no_law(of_law, monkeypatch):
     """J a = u and 0.6 of a law, or of u's change over a step, which the fit may not take that way round. Either does
