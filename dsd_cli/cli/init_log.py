@@ -26,7 +26,7 @@ from dsd_cli.cli.init_proposal import (
 from dsd_cli.cli.init_questions import column_question, step_question, without_coarse_stamps
 from dsd_cli.cli.init_roles import Chosen, choose
 from dsd_cli.cli.init_stamps import finite_stamps, unit_of_stamps
-from dsd_cli.cli.init_units import doubt_of_step, near, step_of, units_of
+from dsd_cli.cli.init_units import near, step_of, units_of
 from dsd_cli.cli.recordings import by_updates, on_its_clock
 from dsd_cli.errors import DsdError, source_name
 from dsd_cli.files.csv_layout import CsvLayout
@@ -131,11 +131,15 @@ def _rows_apart(chosen: Chosen, asked: Asked, said: float | None, out: Proposal)
     told = asked.values.get(("signals", "sample_time"))
     if isinstance(told, int | float):
         return float(told)
-    found = step_of(chosen.table, chosen.found)
-    why = f"the file says so{doubt_of_step(said, found, chosen.found)}"
-    if found is not None and found[1] and not (said and near(found[0], said)):
-        why = f'"{chosen.found["velocity"].column}" is the slope of the position then'
-        said, why = found[0], f"{why}; the file says {said:g}" if said else why
+    found, why = step_of(chosen.table, chosen.found), "the file says so"
+    if found is not None and not (said and near(found[0], said)):  # a simulator may write every tenth of its steps
+        step, named = found
+        roles = [f'"{chosen.found[role].column}"' for role in ("velocity", "position")]
+        if named:
+            why = f"{roles[0]} is the slope of the position then" + (f"; the file says {said:g}" if said else "")
+            said = step
+        else:
+            why += f"; {step:g} if {' and '.join(roles)} are in units that belong together"
     if said:
         out.put("signals", "sample_time", said, why)
     return said

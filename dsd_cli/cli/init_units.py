@@ -112,15 +112,6 @@ def step_of(table: Table | None, found: Mapping[str, Recognised]) -> tuple[float
     return (float(f"{position / (velocity * scale):.4g}"), True) if of_p == of_w else None
 
 
-def doubt_of_step(said: float | None, other: tuple[float, bool] | None, found: Mapping[str, Recognised]) -> str:
-    """What the motion says against the s between rows that a log says, as a simulator's step of which every tenth is
-    written; "": nothing."""
-    if not said or other is None or near(other[0], said):
-        return ""
-    roles = " and ".join(f'"{found[role].column}"' for role in ("velocity", "position"))
-    return f"; {other[0]:g} if {roles} are in units that belong together"
-
-
 def _from_one(p: Recognised, w: Recognised, scale: float) -> Units:
     """The unit of one from that of the other."""
     said = p.of_kind or w.of_kind

@@ -15,6 +15,7 @@ from dsd_cli.export.motion import STILL, Path, simulated
 from dsd_cli.plant.forces import combine, interval_channels, interval_forces
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.spread import rms
 
 #: An exported model that is further off than so many percent of the rms speed is refused.
 MOST_PERCENT = 1.0
@@ -143,7 +144,7 @@ def cost(joint: Joint, parts: Sequence[str], motion: Motion, path: Path | None =
     path = path or simulated(joint.model, motion)
     less = joint.without(frozenset(parts)).model
     missing = _net(joint.model, motion, path) - _net(less, motion, path)
-    force, size = _rms(missing), _rms(motion.u)
+    force, size = rms(missing), rms(motion.u)
     free = simulated(less, motion, FREE, path)
     return Cost(force, 100.0 * force / size if size > 0.0 else math.inf, percent(free.velocity, path.velocity))
 
@@ -168,7 +169,3 @@ def _net(model: PlantModel, motion: Motion, path: Path) -> Array:
     channels = Channels(t - 0.5 * step, u, means.velocity, means.position, np.full(len(t), step))
     force, budget = interval_forces(model.effects, channels, model.inertia)
     return combine(u, force, budget, means.sign, model.inertia * means.acceleration)
-
-
-def _rms(x: Array) -> float:
-    return math.sqrt(float(np.mean(x * x)))

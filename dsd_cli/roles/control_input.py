@@ -66,8 +66,9 @@ def motion_columns(dt: float, x: Array, kind: str, size: int) -> Array:
 
 def cause_of(dt: float, x: Array, kind: str, u: Array) -> Cause:
     """How well `u`, as it was some samples before, is a sum of what the motion `x` has; both finite, shape (n,)."""
+    best = Cause(0.0, 0.0, 0)
     # of what a spoiled file holds (1e307) a power is no number any more; of a power of two all digits stay
-    best, (x, u) = Cause(0.0, 0.0, 0), (np.ldexp(one, -np.frexp(np.abs(one).max(initial=0.0))[1]) for one in (x, u))
+    x, u = (np.ldexp(one, -np.frexp(np.abs(one).max(initial=0.0))[1]) for one in (x, u))
     for blocks in BLOCKS:
         size = max(x.size // blocks, 1)
         columns = motion_columns(dt, x, kind, size)

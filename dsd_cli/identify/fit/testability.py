@@ -22,6 +22,7 @@ from dsd_cli.identify.recordings.recording import Recording, check_one_rate
 from dsd_cli.identify.results import INERTIA
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.spread import rms
 
 
 def constant_u(recordings: Sequence[Recording]) -> bool:
@@ -39,10 +40,10 @@ def ranges(equations: Equations) -> Ranges:
     way = max((float(np.sum(np.abs(np.diff(log["position"])))) for log in logs if "position" in log), default=0.0)
     moving = speed[np.isfinite(speed)]
     return Ranges(
-        speed=float(np.sqrt(np.mean(moving**2))) if moving.size else 0.0,
+        speed=rms(moving),
         top_speed=float(np.abs(moving).max(initial=0.0)),
         travel=travel,
-        drive=float(np.sqrt(np.mean(u**2))),
+        drive=rms(u),
         top_drive=float(np.quantile(np.abs(u), POLICY.exercised)) if u.size else 0.0,
         sample_time=equations.sample_time,
         duration=sum(len(log) for log in logs) * equations.sample_time,

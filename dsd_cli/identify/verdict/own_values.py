@@ -6,8 +6,6 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from dsd_cli.effects import delays_command, get_effect
 from dsd_cli.identify.fit.bank import Term, has_friction
 from dsd_cli.identify.fit.row_weights import many_sure
@@ -20,6 +18,7 @@ from dsd_cli.identify.search.shapes import refined
 from dsd_cli.identify.verdict.resonance import Resonance, note_on
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.golden import golden_section
+from dsd_cli.signals.spread import rms
 
 FOLLOWS_NOISE = (
     "the load of the model is not followed: its values, fitted again, would be nearly all of the inertia or none of it"
@@ -131,7 +130,7 @@ def _beyond_noise(search: Search, believed: PlantModel) -> bool:
     if sure is None:
         return False
     left = problem.errors.rows_of_model(believed)[sure[kept]]
-    return float(np.sqrt(np.mean(left**2))) > POLICY.floor_factor * problem.floor
+    return rms(left) > POLICY.floor_factor * problem.floor
 
 
 def _explains_the_delay(search: Search, effect: str) -> bool:
