@@ -117,7 +117,7 @@ def test_a_short_log_has_a_block_for_each_fold():
     assert [lay_blocks([rows], 5, "log.csv").count for rows in (30, 41, 74, 75, 90)] == [5, 5, 5, 5, 6]
 
 
-@pytest.mark.parametrize("length", [3, 2048, 7001])
+@pytest.mark.parametrize("length", [3, 2048, 2049, 7001])
 def test_condensed_rows_have_the_same_inner_products(length):
     rows = np.random.default_rng(length).normal(size=(4, length)) * [[1e-6], [1.0], [1.0], [1e6]]
     rows[2] = rows[1] + 1e-7 * rows[2]

@@ -159,7 +159,7 @@ def total_gram(rows: Sequence[Array]) -> Array:
 
 
 def condensed(rows: Array) -> Array:
-    """Much shorter rows with the same inner products as these, shape (p, N), piece by piece: each is as long as p."""
+    """Much shorter rows with the same inner products as these, shape (p, N), piece by piece, each of p at most."""
     pieces = (rows[:, i : i + _CONDENSED].T for i in range(0, max(rows.shape[1], 1), _CONDENSED))
     return np.concatenate([np.asarray(np.linalg.qr(piece, mode="r")).T for piece in pieces], axis=1)
 
