@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import Config
     from dsd_cli.files.config.edit import Origin
+    from dsd_cli.identify.compare.versus import Validation
     from dsd_cli.identify.results import Ladder
-    from dsd_cli.identify.validation import Validation
 
 LogsOrNone = Annotated[
     list[str] | None, typer.Argument(metavar="LOG...", help="Log files (CSV, Parquet, MF4, ...); - is stdin.")
@@ -238,7 +238,7 @@ def _run(given: Given, auto: bool, quiet: bool, progress: Progress) -> Ladder:
 def validated(given: Given, ladder: Ladder) -> tuple[Validation, ...]:
     from dsd_cli.cli.compare import controller_of
     from dsd_cli.cli.identification import as_mended
-    from dsd_cli.identify.validation import validate
+    from dsd_cli.identify.compare.versus import validate
 
     model, units = ladder.steps[-1].model, given.settings.signals.units
     holdout = as_mended(given, ladder.last).holdout

@@ -16,8 +16,7 @@ from dsd_cli.identify.fit.bank import FIXED, SHARE
 from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
 from dsd_cli.identify.fit.covariance import root_of
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.values import flat
-from dsd_cli.identify.grades import Grade
+from dsd_cli.identify.fit.values import Grade, flat
 from dsd_cli.identify.results import DELAY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel

@@ -20,12 +20,11 @@ from dsd_cli.identify.checks.stretches import cut
 from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.problem import Problem, asked_of_all, pose
 from dsd_cli.identify.fit.testability import Settings
-from dsd_cli.identify.fit.values import flat
-from dsd_cli.identify.grades import grade
+from dsd_cli.identify.fit.values import flat, grade
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.recording import Recording, prepare
-from dsd_cli.identify.recordings.regular import SAMPLED_U
+from dsd_cli.identify.recordings.smoothing import SAMPLED_U
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Diagnosis, Estimate, Estimates
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.belief import belief_by_squares

@@ -20,7 +20,7 @@ from dsd_cli.identify.fit.bank import drive, inputs_of
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.direction import held_weight
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.noise_fit import sensor_variance, whitening_of
+from dsd_cli.identify.fit.errors import sensor_variance, whitening_of
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.row_weights import uncertain
 from dsd_cli.identify.fit.values import coefficients_of

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
-from dsd_cli.identify.compare.versus import Moved
+from dsd_cli.identify.compare.versus import Moved, Validation
 from dsd_cli.identify.results import (
     DELAY,
     NONE,
@@ -19,7 +19,6 @@ from dsd_cli.identify.results import (
     own_values,
     without_errors,
 )
-from dsd_cli.identify.validation import Validation
 from dsd_cli.identify.verdict.contradictions import kept_values
 from dsd_cli.learn.results import LEARNT
 from dsd_cli.report import terminal

@@ -7,7 +7,7 @@ from dataclasses import asdict
 from typing import Any
 
 from dsd_cli.identify.compare.forward import Tracking
-from dsd_cli.identify.validation import Validation
+from dsd_cli.identify.compare.versus import Validation
 from dsd_cli.report.conclusions import CONTROLLER
 from dsd_cli.report.names import estimates_json, force_error, number_or_none, values_text
 from dsd_cli.signals.units import Units

@@ -11,7 +11,7 @@ import pytest
 
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term
-from dsd_cli.identify.fit.noise_fit import Noise
+from dsd_cli.identify.fit.errors import Noise
 from dsd_cli.identify.fit.row_weights import shared_inflation, unpredicted_share
 from dsd_cli.identify.search.evidence import Evidence
 from dsd_cli.signals.log import Array

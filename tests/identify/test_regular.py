@@ -7,7 +7,7 @@ import pytest
 
 from dsd_cli.identify.d_hat_makers import OpenLog
 from dsd_cli.identify.recordings.recording import prepare
-from dsd_cli.identify.recordings.regular import mean_ahead, regularised
+from dsd_cli.identify.recordings.smoothing import mean_ahead, regularised
 from dsd_cli.plant.maker import MAKERS, Maker
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log

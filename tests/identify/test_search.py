@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.fit.bank import SHARE, Term
-from dsd_cli.identify.fit.noise_fit import Noise
+from dsd_cli.identify.fit.errors import Noise
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search import evidence

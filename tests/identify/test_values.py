@@ -114,14 +114,6 @@ def test_the_first_coefficient_is_the_inertia_of_the_motor_alone():
     assert theta[2] == pytest.approx(0.3 * J)
 
 
-def test_the_model_of_a_fold_is_that_of_its_coefficients():
-    model = PlantModel(J, DELAY, SETS["viscous"])
-    tap, theta = coefficients_of(model, terms_of(model), T)
-    fold = Scale(T, 0.0).model(_fit(terms_of(model), tap, theta), 1)
-    assert fold.inertia == pytest.approx(1.1 * J)
-    assert fold.effects["viscous_friction"]["coefficient"] == pytest.approx(0.022)
-
-
 @pytest.mark.parametrize("name", EXACT)
 def test_model_to_log_to_fit_to_model_comes_back(name):
     """At the true shapes; what is left is the mean of smooth forces over an interval, out of samples."""

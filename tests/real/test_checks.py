@@ -8,7 +8,7 @@ import pytest
 from dsd_cli.files.logs import load_log
 from dsd_cli.identify.checks import check_log
 from dsd_cli.identify.checks.parameters import check_parameters
-from dsd_cli.identify.checks.view import look
+from dsd_cli.identify.checks.scan import look
 from dsd_cli.plant.model import PlantModel
 from tests.recordings import recording
 

@@ -17,9 +17,9 @@ from dsd_cli.identify.checks.disturbance import check_alone, check_disturbance, 
 from dsd_cli.identify.checks.excitation import check_excitation, excitation
 from dsd_cli.identify.checks.hold import check_hold
 from dsd_cli.identify.checks.parameters import check_parameters, unknown_parameters
-from dsd_cli.identify.checks.results import CheckResult, Excitation, Finding, Identified, Parameter, Severity
+from dsd_cli.identify.checks.results import CheckResult, Excitation, Finding, Parameter, Severity
+from dsd_cli.identify.checks.scan import View, look
 from dsd_cli.identify.checks.stretches import SHORTEST
-from dsd_cli.identify.checks.view import View, look
 from dsd_cli.plant.maker import Maker
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
@@ -28,7 +28,6 @@ __all__ = [
     "CheckResult",
     "Excitation",
     "Finding",
-    "Identified",
     "Parameter",
     "Severity",
     "biased_by_noise",

@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsd_cli.identify.checks.band import Band
+from dsd_cli.identify.checks.balance import Band
 from dsd_cli.identify.checks.disturbance import Observed
 from dsd_cli.identify.checks.results import Finding
+from dsd_cli.identify.checks.scan import View
 from dsd_cli.identify.checks.slope import Slope, compare_slope
 from dsd_cli.identify.checks.stretches import Stretch
-from dsd_cli.identify.checks.view import View
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.continuous import continuous
 from dsd_cli.signals.log import Log

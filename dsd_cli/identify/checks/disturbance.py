@@ -12,11 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dsd_cli.identify.checks.band import Band, difference
+from dsd_cli.identify.checks.balance import Band, difference
 from dsd_cli.identify.checks.results import Finding
-from dsd_cli.identify.checks.scan import LATEST, block_starts, jackknife
+from dsd_cli.identify.checks.scan import LATEST, View, block_starts, jackknife
 from dsd_cli.identify.checks.stretches import LowPass, Stretch, before
-from dsd_cli.identify.checks.view import View
 from dsd_cli.plant.filtering import SETTLED, lowpass
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.signals.log import Array

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dsd_cli.identify.checks.band import Band
+from dsd_cli.identify.checks.balance import Band
 from dsd_cli.identify.checks.results import MOVES_PER_EFFECT, Excitation, Finding
 from dsd_cli.identify.checks.stretches import LowPass, Stretch
 from dsd_cli.signals.log import Array

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.identify.checks.band import Band, Source
+from dsd_cli.identify.checks.balance import Band, Source
 from dsd_cli.identify.checks.results import Finding
 from dsd_cli.identify.checks.scan import jackknife
 from dsd_cli.identify.checks.stretches import Stretch

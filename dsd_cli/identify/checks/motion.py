@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.identify.checks.balance import orthonormal, without
-from dsd_cli.identify.checks.band import difference
+from dsd_cli.identify.checks.balance import difference, orthonormal, without
+from dsd_cli.identify.checks.scan import View
 from dsd_cli.identify.checks.stretches import LowPass, Stretch
-from dsd_cli.identify.checks.view import View
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, Log

@@ -15,12 +15,11 @@ from dsd_cli.effects import get_effect
 from dsd_cli.errors import UsageError
 from dsd_cli.identify.checks.balance import REST, in_phase, motion_columns, orthonormal, without
 from dsd_cli.identify.checks.motion import Motion, asked_for, in_two_stages, motion_of
-from dsd_cli.identify.checks.results import Identified, Parameter
-from dsd_cli.identify.checks.scan import Scanned, block_starts
+from dsd_cli.identify.checks.results import Parameter
+from dsd_cli.identify.checks.scan import Scanned, View, block_starts
 from dsd_cli.identify.checks.stretches import LowPass, Stretch
 from dsd_cli.identify.checks.values import believable, delay_of
-from dsd_cli.identify.checks.view import View
-from dsd_cli.identify.grades import grade
+from dsd_cli.identify.fit.values import Grade, grade
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, Log
@@ -287,7 +286,7 @@ def _judged(
     return tuple(found.get(i) or _unknown(value) for i, value in enumerate(values)), pulls
 
 
-def _grade(value: _Value, fitted: float, error: float, small: float, T: float) -> Identified:
+def _grade(value: _Value, fitted: float, error: float, small: float, T: float) -> Grade:
     if value.name == "delay":
         return grade(fitted, error, T)
     size = 1.0 if value.unit == "rad" else abs(fitted) if value.value else max(abs(fitted), small)

@@ -6,13 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
+from dsd_cli.identify.fit.values import Grade
 from dsd_cli.signals.units import Units
 
 if TYPE_CHECKING:
-    from dsd_cli.identify.checks.view import View
+    from dsd_cli.identify.checks.scan import View
 
 Severity = Literal["error", "warning", "note"]
-Identified = Literal["identified", "weak", "not"]
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class Parameter:
     """
 
     name: str
-    identified: Identified
+    identified: Grade
     value: float
     std_error: float
     unit: str = ""

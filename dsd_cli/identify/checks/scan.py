@@ -1,14 +1,20 @@
-"""The inertia by regression of u on the acceleration, for each sign of it, over all possible delays."""
+"""What all checks of one log look at, computed once: its stretches, its band, the balance, and in that the inertia by
+regression of u on the acceleration, for each sign of it, over all possible delays.
+"""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.identify.checks.balance import Balance, without
-from dsd_cli.signals.log import Array
+from dsd_cli.identify.checks.balance import Balance, Band, balance, find_band, speed_of, without
+from dsd_cli.identify.checks.stretches import LowPass, Stretch, cut
+from dsd_cli.identify.recordings.spectrum import repeats_after
+from dsd_cli.signals.log import Array, Log
 
 #: Delays that are tried, s: u cannot be later than what it does, unless its clock is; networks delay by tenths.
 EARLIEST, LATEST = -0.05, 0.6
@@ -193,3 +199,53 @@ def work(rows: Balance) -> Work:
     if clearness.min() < 0.0 < clearness.max():
         return Work(0.0, share)
     return Work(float(clearness[np.argmin(np.abs(clearness))]), share)
+
+
+#: Where no acceleration is seen, speeds are looked at below this share of the sample rate.
+FALLBACK = 0.02
+#: Signs and delays are looked for below this frequency, Hz: beyond, loads swing on their couplings.
+HIGHEST = 40.0
+
+
+@dataclass(frozen=True)
+class View:
+    """A log in stretches, the band of its acceleration, and the force balance in it.
+
+    band : None if no channel shows an acceleration.
+    cutoff : Hz, of `rows`, and of every comparison of channels.
+    cycle : s after which speed or u of the longest stretch repeats itself, be it with the other sign; infinite where
+        neither does.
+    rows : None without a band, without u, or where the axis hardly moves.
+    forward, backward : best fits with J above and below 0.
+    work : how clearly u drives the motion.
+    """
+
+    log: Log
+    restarts: tuple[int, ...]
+    stretches: tuple[Stretch, ...]
+    band: Band | None
+    cutoff: float
+    cycle: float
+    rows: Balance | None
+    forward: Scanned | None
+    backward: Scanned | None
+    work: Work | None
+
+
+def look(log: Log, restarts: Sequence[int]) -> View:
+    """The view of a log."""
+    stretches = cut(log, restarts)
+    band = find_band(stretches) if stretches else None
+    if band is None:
+        cutoff = min(HIGHEST, FALLBACK / (stretches[0].T if stretches else log.sample_time))
+        return View(log, tuple(restarts), tuple(stretches), None, cutoff, math.inf, None, None, None, None)
+    cutoff = min(band.cutoff, HIGHEST)
+    longest = max((s for s in stretches if getattr(s, band.source) is not None), key=lambda s: s.t.size)
+    keep = LowPass(longest.T, cutoff)
+    cycle = min(repeats_after(keep(x), longest.T) for x in (speed_of(longest, band), longest.u) if x is not None)
+    reaches = (reach(longest.t.size * longest.T, cycle, share) for share in SHARES)
+    tried = (balance(stretches, band, cutoff, one, cycle) for one in reaches)
+    rows = next((one for one in tried if one is not None), None)
+    forward, backward = scan(rows, cutoff) if rows is not None else (None, None)
+    drives = work(rows) if rows is not None else None
+    return View(log, tuple(restarts), tuple(stretches), band, cutoff, cycle, rows, forward, backward, drives)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -11,10 +10,12 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from dsd_cli.identify.recordings.smoothing import mean_held
 from dsd_cli.plant.filtering import irregular_stamps
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.signals.continuous import continuous, in_pieces
 from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.windows import smooth_size
 
 #: The band ends where the filter has fallen to a half; it is flat up to 0.7 and shut from 1.3 times that.
 _TRANSITION = 0.6
@@ -61,7 +62,7 @@ class LowPass:
 
     def __call__(self, x: Array) -> Array:
         """Same length as x; the first and last `half` values are not to be used."""
-        size = _fast_size(x.size + 2 * self.half)
+        size = smooth_size(x.size + 2 * self.half)
         spectrum = np.fft.rfft(x, size) * _response(self, size)
         return np.fft.irfft(spectrum, size)[self.half : self.half + x.size]
 
@@ -71,11 +72,6 @@ class LowPass:
         if x.size < kernel.size or rows.size * kernel.size > _AS_LONG * x.size:
             return self(x)[rows]
         return np.lib.stride_tricks.sliding_window_view(x, kernel.size)[rows - self.half] @ kernel
-
-
-def _fast_size(least: int) -> int:
-    """The smallest of 8, 9, 10 and 12 times a power of two that holds so many: such transforms are fast."""
-    return min(eighths << max(math.ceil(math.log2(least / eighths)), 0) for eighths in (8, 9, 10, 12))
 
 
 @lru_cache(maxsize=2)  # each is as large as two channels
@@ -148,17 +144,8 @@ def _stretch(log: Log, a: int, b: int) -> Stretch:
     if irregular_stamps(log) is not None:
         T = float(np.mean(np.diff(t)))
         grid = t[0] + T * np.arange(int((t[-1] - t[0]) / T) + 1)
-        channels = {name: _on_grid(x, t, grid, T, name == "u" and log.u_hold == "held") for name, x in channels.items()}
+        edges, held = np.append(grid, grid[-1] + T), {"u"} if log.u_hold == "held" else set()
+        channels = {n: mean_held(x, t, edges) if n in held else np.interp(grid, t, x) for n, x in channels.items()}
         t = grid
     u, position, velocity, d_hat, reference = (channels.get(name) for name in _CHANNELS)
     return Stretch(T, t, u, position, velocity, d_hat, reference, wraps, turn)
-
-
-def _on_grid(x: Array, t: Array, grid: Array, T: float, held: bool) -> Array:
-    """A channel of irregular stamps at even ones; of a held u the mean over the interval that follows."""
-    if not held:
-        return np.asarray(np.interp(grid, t, x))
-    integral = np.concatenate([[0.0], np.cumsum(x[:-1] * np.diff(t))])
-    ends = np.concatenate([grid, [grid[-1] + T]])
-    beyond = np.maximum(ends - t[-1], 0.0) * x[-1]
-    return np.diff(np.interp(ends, t, integral) + beyond) / T

@@ -10,8 +10,7 @@ from dsd_cli.identify.checks.balance import orthonormal, without
 from dsd_cli.identify.checks.channels import degrees, power_of_two
 from dsd_cli.identify.checks.disturbance import Observed, culprit
 from dsd_cli.identify.checks.results import Excitation, Finding
-from dsd_cli.identify.checks.scan import Scanned, block_starts, jackknife
-from dsd_cli.identify.checks.view import View
+from dsd_cli.identify.checks.scan import Scanned, View, block_starts, jackknife
 from dsd_cli.plant.model import PlantModel
 
 #: Inertia and delay are believed where J a is at least this share of what friction and weight leave of u, whatever the

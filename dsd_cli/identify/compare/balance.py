@@ -101,12 +101,12 @@ class Balance:
 
     def view(self, holdout: Recording | None = None) -> ForceView:
         """How large r is."""
-        whole, each = _force(self.problem, self.model), self._of_each_log()
+        whole, each = force_of(self.problem, self.model), self._of_each_log()
         if holdout is None:
             return ForceView(whole, by_log=each)
         try:
             aside = replace(self.problem, recordings=(holdout,), errors=self.problem.errors_for(self.model, [holdout]))
-            return ForceView(whole, _force(aside, self.model), by_log=each)
+            return ForceView(whole, force_of(aside, self.model), by_log=each)
         except DataError as failure:
             return ForceView(whole, None, str(failure), each)
 
@@ -150,7 +150,8 @@ def all_rows(errors: Errors, model: PlantModel) -> Array:
     return found
 
 
-def _force(problem: Problem, model: PlantModel) -> Force:
+def force_of(problem: Problem, model: PlantModel) -> Force:
+    """How far the balance is off in the rows of a problem."""
     score = problem.errors.of_model(model)
     fit, share = (x if math.isfinite(x) else None for x in (score.fit_percent, score.relative_error_percent))
     return Force(score.rmse, fit, share, problem.equations.band.hz, problem.floor)

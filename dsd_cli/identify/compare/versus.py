@@ -1,26 +1,34 @@
-"""Two models on the same logs, side by side: which predicts better, and whether that is more than chance.
+"""Models on logs that nobody fitted: one by itself, and two side by side: which predicts better, by more than chance.
 
-Nothing is fitted. The logs are cut into the blocks on which `dsd diagnose` holds out; the squared errors of both
-models on each block are compared in pairs, so that what is hard for both does not count.
+Of two nothing is fitted. The logs are cut into the blocks on which `dsd diagnose` holds out; the squared errors of both
+models on each block are compared in pairs, so that what is hard for both does not count. One is judged by its balance
+of forces, also with levels that differ from log to log, and by a free run.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from dsd_cli.effects import free_name, get_effect, kind_of
-from dsd_cli.identify.compare.balance import Force
+from dsd_cli.errors import DsdError
+from dsd_cli.identify.compare.balance import Force, force_of
+from dsd_cli.identify.compare.forward import Forward, run_forward
 from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import Settings, pose
+from dsd_cli.identify.fit.values import terms_of
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.results import DELAY, INERTIA
-from dsd_cli.plant.model import PlantModel
+from dsd_cli.identify.results import DELAY, INERTIA, Estimates
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.plant.controllers import ControllerSettings
+from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.rounding import ROUNDING
+from dsd_cli.signals.units import Units
 
 #: Periods (or frequencies) of one line in two models differ by no more than this share.
 _NEAR = 0.02
@@ -111,16 +119,15 @@ def versus(recordings: Sequence[Recording], models: Mapping[str, PlantModel]) ->
     first = np.zeros(0)
     for name, model in models.items():
         errors = problem.errors_for(model, recordings)
-        residual, score = errors.rows_of_model(model), errors.of_model(model)
+        residual = errors.rows_of_model(model)
         squares = np.array([float(np.mean(residual[block == b] ** 2)) for b in np.unique(block)])
-        fit, share = (x if math.isfinite(x) else None for x in (score.fit_percent, score.relative_error_percent))
-        force = Force(score.rmse, fit, share, problem.equations.band.hz, problem.floor)
+        force = force_of(replace(problem, errors=errors), model)
         series = {"residual": residual, "by_block": np.sqrt(squares)}
         if not found:
             first = squares
             found.append(Contender(name, force, **series))
             continue
-        better = 1.0 - score.rmse / found[0].force.rmse if found[0].force.rmse > 0.0 else 0.0
+        better = 1.0 - force.rmse / found[0].force.rmse if found[0].force.rmse > 0.0 else 0.0
         found.append(
             Contender(name, force, better, _chance(first - squares), float(np.mean(squares < first)), **series)
         )
@@ -190,3 +197,65 @@ def moved(
         )
         for name in names
     )
+
+
+@dataclass(frozen=True)
+class Validation:
+    """One log under one model.
+
+    rmse : of the balance of forces, nothing fitted, unit of u. rmse_with_levels : with `levels` (`Effect.varies`)
+        fitted to this log; NaN where there are none.
+    simulation : the free run; `not_simulated` : why there is none.
+    """
+
+    log: str
+    rmse: float
+    band_hz: float
+    rmse_with_levels: float
+    levels: Estimates
+    simulation: Forward | None
+    not_simulated: str = ""
+
+
+def validate(
+    recordings: Sequence[Recording],
+    model: PlantModel,
+    observer: ObserverSettings,
+    controller: ControllerSettings | None = None,
+    units: Units = Units(),  # noqa: B008
+    band_hz: float = math.nan,
+) -> tuple[Validation, ...]:
+    """Each log by itself; nothing but `levels` is fitted.
+
+    band_hz : end of the band in which the model was fitted, so that errors compare; NaN for that of each log's sensor.
+    """
+    return tuple(_validated(one, model, observer, controller, units, band_hz) for one in recordings)
+
+
+def _validated(
+    recording: Recording,
+    model: PlantModel,
+    observer: ObserverSettings,
+    controller: ControllerSettings | None,
+    units: Units,
+    band_hz: float,
+) -> Validation:
+    held = PriorKnowledge().holding(model)
+    levels = (f"{effect}.{name}" for effect in model.effects for name in get_effect(effect).varies)
+    free = [name for name in levels if name in held.fixed]
+    known = replace(held, fixed={name: value for name, value in held.fixed.items() if name not in free})
+    problem = pose([recording], model, Settings(effects=(), known=known))
+    if math.isfinite(band_hz) and not math.isclose(band_hz, own := problem.equations.band.hz):
+        problem = pose([recording], model, Settings(effects=(), known=known, band=band_hz / own))
+    search = Search(problem)
+    rmse = problem.errors.of_model(model).rmse
+    fit = search.fit(terms_of(model), round(model.delay / problem.solver.bank.tap_time))
+    values = problem.values(fit).estimates
+    fitted = {name: replace(values[name], unit=units.words(values[name].unit)) for name in free}
+    simulation, why = None, ""
+    try:
+        simulation = run_forward([recording], model, observer, controller, units=units)
+    except DsdError as error:
+        why = error.message
+    with_levels = problem.score(fit).rmse if fitted else float("nan")
+    return Validation(recording.name, rmse, problem.equations.band.hz, with_levels, fitted, simulation, why)

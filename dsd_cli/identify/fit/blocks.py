@@ -86,21 +86,21 @@ class Blocks:
         return weight.reshape(-1)
 
 
-def lay_blocks(lengths: Sequence[int], gap: int, name: str, shortest: int = 0) -> Blocks:
+def lay_blocks(lengths: Sequence[int], gap: int, name: str) -> Blocks:
     """Blocks over stretches of that many rows each; `gap` : rows between what is fitted and what is judged.
 
     Raises TooShort where they are too short for two folds.
     """
     total = sum(lengths)
     usual = POLICY.block_gaps * gap
-    if total < 2 * max(usual, shortest, 1):
+    if total < 2 * max(usual, 1):
         raise TooShort(
             f"{name}: too short: the log has {total} independent samples in the band,"
-            f" cross-validation needs {2 * max(usual, shortest, 1)}",
+            f" cross-validation needs {2 * max(usual, 1)}",
             "a longer log, or a finer sensor",
         )
     # as many as folds at least: of two halves one speeds up and the other slows down
-    long = max(min(usual, total // POLICY.folds), total // POLICY.most_blocks, shortest, 1)
+    long = max(min(usual, total // POLICY.folds), total // POLICY.most_blocks, 1)
     starts: list[int] = []
     before: list[bool] = []
     after: list[bool] = []

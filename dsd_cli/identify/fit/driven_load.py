@@ -24,8 +24,7 @@ from dsd_cli.effects.memory import Coupling
 from dsd_cli.identify.fit.bank import Bank, Terms, drive, has_friction, inputs_of, of_single_logs, raw_columns
 from dsd_cli.identify.fit.contacts import contacts_with
 from dsd_cli.identify.fit.equations import Equations, equations_of
-from dsd_cli.identify.fit.errors import left_by
-from dsd_cli.identify.fit.noise_fit import sensor_variance
+from dsd_cli.identify.fit.errors import left_by, sensor_variance
 from dsd_cli.identify.fit.pushes import Pushes
 from dsd_cli.identify.fit.values import terms_of
 from dsd_cli.identify.policy import POLICY

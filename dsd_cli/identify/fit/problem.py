@@ -17,8 +17,7 @@ from dsd_cli.identify.fit.blocks import Blocks, lay_blocks
 from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION, best_delay, inverse_is_evidence, needs_acceleration
 from dsd_cli.identify.fit.driven_load import both_driven, by_contacts, with_driven_load
 from dsd_cli.identify.fit.equations import Equations, equations_of
-from dsd_cli.identify.fit.errors import Errors
-from dsd_cli.identify.fit.noise_fit import Noise, measured, sensor_variance
+from dsd_cli.identify.fit.errors import Errors, Noise, measured, sensor_variance
 from dsd_cli.identify.fit.row_weights import Weighed, at_least_squares, weighed
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.testability import Settings, candidates_of, check_recordings, check_used, ranges, told_by

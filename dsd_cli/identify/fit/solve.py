@@ -71,10 +71,9 @@ class Fit:
         """Held-out sum of squares."""
         return float(self.losses.sum())
 
-    def coefficients(self, term: Term, fold: int | None = None) -> Array:
+    def coefficients(self, term: Term) -> Array:
         """Of one effect, in the order of its columns."""
-        theta = self.total if fold is None else self.folds[fold]
-        return theta[self.columns_of(term)]
+        return self.total[self.columns_of(term)]
 
     def columns_of(self, term: Term) -> slice:
         """Where the coefficients of an effect stand."""

@@ -14,8 +14,8 @@ from dsd_cli.effects.memory import driven_load
 from dsd_cli.identify.fit.pushes import SensorMotion
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.recordings.regular import MEAN_OF_FOUR
 from dsd_cli.identify.recordings.sensor import FeedbackNoise, feedback_noise_of
+from dsd_cli.identify.recordings.smoothing import MEAN_OF_FOUR
 from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.forces import IntervalChannels
 from dsd_cli.plant.prediction import Frame

@@ -1,11 +1,12 @@
-"""From coefficients of a fit to a plant model, and how sure its values are."""
+"""From coefficients of a fit to a plant model, and how sure its values are: by their relative standard errors a log
+identifies them, weakly, or not."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -14,12 +15,27 @@ from dsd_cli.identify.fit.bank import FIXED, Term, Terms
 from dsd_cli.identify.fit.covariance import Information
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.solve import Fit, Solver
-from dsd_cli.identify.grades import grade
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Correlations, Estimate
 from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
+
+Grade = Literal["identified", "weak", "not"]
+
+#: Relative standard errors up to which a value is identified, and weak.
+IDENTIFIED, WEAK = 0.1, 0.5
+#: A delay is known well enough within these shares of a sample.
+DELAY_IDENTIFIED, DELAY_WEAK = 0.5, 2.0
+
+
+def grade(size: float, error: float, sample_time: float = math.nan) -> Grade:
+    """Of a value of that size; with `sample_time` (s) of a delay, which fractions of a sample say well enough."""
+    limits = (IDENTIFIED * size, WEAK * size)
+    if math.isfinite(sample_time):
+        limits = (max(limits[0], DELAY_IDENTIFIED * sample_time), max(limits[1], DELAY_WEAK * sample_time))
+    return "identified" if error < limits[0] else "weak" if error < limits[1] else "not"
+
 
 #: How near a bound counts as on it (share of the value).
 ON_BOUND = 1e-6
@@ -46,14 +62,13 @@ class Scale:
         """Whether effects explain u by itself: friction of the size of u leaves nothing for J a, and so no error."""
         return whole_inertia(fit) <= self.least
 
-    def model(self, fit: Fit, fold: int | None = None) -> PlantModel:
-        """The plant model of a fit (of the fit that holds `fold` out); values are kept within their bounds."""
-        theta = fit.total if fold is None else fit.folds[fold]
-        return self.known.applied(_model(self, fit.terms, fit.widths, fit.tap, theta))
+    def model(self, fit: Fit) -> PlantModel:
+        """The plant model of a fit; values are kept within their bounds."""
+        return self.known.applied(_model(self, fit, fit.terms, fit.total))
 
 
-def _model(scale: Scale, terms: Terms, widths: tuple[int, ...], tap: int, theta: Array) -> PlantModel:
-    parts = np.split(theta[FIXED:], np.cumsum(widths)[:-1]) if widths else []
+def _model(scale: Scale, fit: Fit, terms: Terms, theta: Array) -> PlantModel:
+    parts = np.split(theta[FIXED:], np.cumsum(fit.widths)[:-1]) if fit.widths else []
     found_inertia = _inertia(terms, parts, theta)
     inertia = found_inertia if found_inertia > 0.0 else scale.inertia
     effects: dict[str, Mapping[str, Any]] = {}
@@ -63,7 +78,7 @@ def _model(scale: Scale, terms: Terms, widths: tuple[int, ...], tap: int, theta:
         if term.effect.role is not Role.INPUT and term.effect.memory:
             found = tuple(max(c, 1e-9) for c in found)  # a level or a share that stands under a fraction bar
         effects[term.id] = _bounded(term.effect, term.effect.from_columns(found, term.shape, inertia))
-    delay = (tap + min(float(theta[1]), MOST_SHARE)) * scale.tap_time
+    delay = (fit.tap + min(float(theta[1]), MOST_SHARE)) * scale.tap_time
     return PlantModel(inertia, max(delay, 0.0), effects, scale.rest_speed)
 
 
@@ -142,7 +157,7 @@ def fitted_values(
         terms = list(fit.terms)
         for (i, name, value), step in zip(found.shapes, change[linear:], strict=True):
             terms[i] = type(terms[i]).of(terms[i].id, {**terms[i].shape, name: value * math.exp(step)})
-        return flat(_model(bare, tuple(terms), fit.widths, fit.tap, theta))
+        return flat(_model(bare, fit, tuple(terms), theta))
 
     units, known = units_of(fit.terms), solver.known
     bounds = {name: (known.limits(name), units[name][1:]) for name in values}

@@ -18,8 +18,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.regular import SAMPLED_U
-from dsd_cli.identify.recordings.smoothing import noise_of
+from dsd_cli.identify.recordings.smoothing import SAMPLED_U, noise_of
 from dsd_cli.identify.recordings.spectrum import SensorKind, SensorNoise, density, last_angle, sensor_noise
 from dsd_cli.plant.filtering import SETTLED
 from dsd_cli.plant.model import ObserverSettings
