@@ -70,7 +70,6 @@ class Policy:
     unsure_push: float = 0.25  # of a row in which the axis may rest or turn, from which on it shows no push
     weakest_pulse: float = 0.1  # of the strongest; less is part of its edges
     same_level: float = 0.2  # share of a level by which neighbours differ that are one pulse
-    forgotten_travel: float = 0.25  # of the travel, after which the first state of effects with memory has no influence
     of_place: float = 0.35  # of the pushes' variance that the position explains, and the share of other times at which
     place_by_chance: float = 0.01  # as much of it is explained: both are met by no true pushes
 

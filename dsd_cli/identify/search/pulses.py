@@ -19,7 +19,7 @@ from dsd_cli.identify.fit.row_weights import sure_rows
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.log import Array
 from dsd_cli.signals.spread import robust_deviation
 
 ROUNDS = 3
@@ -52,25 +52,7 @@ def with_pulses(search: Search, fit: Fit, shown_by: Array | None = None) -> Fit 
         term = Term.of(effect, {"edges": edges})
         terms = (*(t for t in fit.terms if t.id != effect), term)
         fit = search.fit(terms, fit.tap)
-    return _strong_only(search, fit)
-
-
-def _strong_only(search: Search, fit: Fit) -> Fit:
-    """Without the pulses that turned out weak when all were fitted together; neighbours of one level made one."""
-    term = next(t for t in fit.terms if t.effect.listed)
-    levels = fit.coefficients(term)
-    merged: list[tuple[float, float, float]] = []
-    for (a, b), level in zip(term.shape["edges"], levels.tolist(), strict=True):
-        if abs(level) < POLICY.weakest_pulse * np.abs(levels).max():
-            continue
-        if merged and merged[-1][1] == a and abs(merged[-1][2] - level) < POLICY.same_level * abs(level):
-            merged[-1] = (merged[-1][0], b, level)
-        else:
-            merged.append((a, b, level))
-    kept = tuple((a, b) for a, b, _ in merged)
-    if len(kept) == len(levels):
-        return fit
-    return search.fit(tuple(Term.of(term.id, {"edges": kept}) if t is term else t for t in fit.terms), fit.tap)
+    return fit
 
 
 def _pulses(search: Search, fit: Fit, values: Array) -> tuple[tuple[float, float], ...]:
@@ -80,28 +62,13 @@ def _pulses(search: Search, fit: Fit, values: Array) -> tuple[tuple[float, float
     at = search.equations.by_stretch(search.equations.of_rows(times))
     # a stop or a creep looks like a push
     sure = search.equations.by_stretch(sure_rows(fit.terms, search.equations, POLICY.unsure_push))
-    moved = _first_moves(search, fit)
-    rows = zip(at, search.equations.by_stretch(values), sure, moved, search.equations.row_times, strict=True)
-    for stamps, x, clear, first, row_time in rows:
-        for a, b, level in _strongest(x, clear & (stamps >= first)):
+    rows = zip(at, search.equations.by_stretch(values), sure, search.equations.row_times, strict=True)
+    for stamps, x, clear, row_time in rows:
+        for a, b, level in _strongest(x, clear):
             found.append((float(stamps[a] - 0.5 * row_time), float(stamps[b] + 0.5 * row_time), abs(level)))
     top = max((level for *_, level in found), default=0.0)
     kept = sorted(found, key=lambda p: -p[2])[: POLICY.most_pulses]
     return _apart(sorted((a, b) for a, b, level in kept if level > POLICY.weakest_pulse * top))
-
-
-def _first_moves(search: Search, fit: Fit) -> list[float]:
-    """Of every stretch, s until when the state of an effect with memory is not known: no push is seen there."""
-    stretches = search.equations.stretches
-    if not any(t.effect.memory for t in fit.terms):
-        return [float(s.log["t"][0]) for s in stretches]
-    way = POLICY.forgotten_travel * search.ranges.travel
-    return [float(s.log["t"][np.argmax(_way(s.log) >= min(way, float(_way(s.log)[-1])))]) for s in stretches]
-
-
-def _way(log: Log) -> Array:
-    """Way that the axis has gone since the start, shape (n,)."""
-    return np.asarray(np.cumsum(np.abs(log["velocity"])) * log.sample_time)
 
 
 def _apart(windows: list[tuple[float, float]]) -> tuple[tuple[float, float], ...]:
