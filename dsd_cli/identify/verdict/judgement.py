@@ -99,12 +99,12 @@ class Verdict:
         best, rmse = self._first(), self.problem.errors.rmse
         member = self.members[best]
         group = [name for name in (best, *member.alike) if self._lowers(name)]
-        if not (group or self._only_together()) or self._weightless(self.whole):
+        if not group or self._weightless(self.whole):
             self.rising = best if self._explains(best) else ""
             return self._unknown()
         begun = before_climb(self.search, self.whole, self.beyond, self.shown.settings, best)
         known = self._share_of_possible(rmse(begun), rmse(self.whole))
-        named = min(group or [best], key=lambda name: get_effect(name).rarity)
+        named = min(group, key=lambda name: get_effect(name).rarity)
         doubtful = self.beyond.of_channels(best) or needs_acceleration(named)
         belief = max(member.probabilities.get(named, 0.0), member.place / (1 + len(member.rivals)))
         belief = probability_of(member, belief, self.surest)
@@ -152,12 +152,6 @@ class Verdict:
         """Whether the effect alone lowers the held-out error of the form that is evidence."""
         one, rmse = self.alone.get(name), self.problem.errors.rmse
         return one is not None and rmse(one.fit) < rmse(self.search.refit)
-
-    def _only_together(self) -> bool:
-        """Whether several effects leave no more than the sensor: inertia and delay may make up for one without them."""
-        complete = not self.beyond.unknown and not above_floor(self.search, self.whole)
-        less = self.problem.errors.rmse(self.whole) < self.own.score.rmse
-        return len(self.members) > 1 and complete and less
 
     def _worth(self, name: str) -> tuple[bool, bool, float]:
         """Effects that lower the held-out error by themselves come first; of those, what leaves less than the model as
