@@ -13,8 +13,7 @@ from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.recordings.levels import Deviations, with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Estimate
-from dsd_cli.identify.search.level_fits import Asked
-from dsd_cli.identify.search.levels import _with_their_effects, deviations, levelled
+from dsd_cli.identify.search.levels import Asked, _with_their_effects, deviations, levelled
 from dsd_cli.identify.search.long_logs import Task
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import diagnose
