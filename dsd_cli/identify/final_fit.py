@@ -63,7 +63,7 @@ def add_effect(
         search = Search(problem)
     fit = search.refit if own else _with_effect(search, effect_id)
     after = problem.score(fit)
-    most = 1.0 + POLICY.response_rise if told is not None else 1.0
+    most = 1.0 + POLICY.least_fall if told is not None else 1.0
     if not after.heldout_rmse < most * (before.score if own else before.refitted).heldout_rmse:
         raise DataError(
             f"{effect_id} does not lower the held-out error of {recordings[0].name} "

@@ -49,7 +49,7 @@ def improve(
     on_told: Told = lambda _: None,
 ) -> Ladder:
     """Diagnose, add what `choose` says, measure again; every step lowers the held-out error, but for one that only the
-    response above the band identifies: that one must not raise it by more than `POLICY.response_rise`.
+    response above the band identifies: that one must not raise it by more than `POLICY.least_fall`.
 
     Parameters
     ----------
@@ -153,7 +153,7 @@ class _Climb:
             taken = replace(taken, model=added.model, score=added.after, all_values=added.estimates)
         assert taken.score is not None
         assert taken.model is not None
-        if not self.lowered_by(taken.score, -POLICY.response_rise if taken.seen else 0.0):
+        if not self.lowered_by(taken.score, -POLICY.least_fall if taken.seen else 0.0):
             beside = self._beside_the_set(last, chosen)
             if beside is None:
                 return None

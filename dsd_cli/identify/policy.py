@@ -70,11 +70,10 @@ class Policy:
     unsure_push: float = 0.25  # of a row in which the axis may rest or turn, from which on it shows no push
     weakest_pulse: float = 0.1  # of the strongest; less is part of its edges
     same_level: float = 0.2  # share of a level by which neighbours differ that are one pulse
-    of_place: float = 0.35  # of the pushes' variance that the position explains, and the share of other times at which
-    place_by_chance: float = 0.01  # as much of it is explained: both are met by no true pushes
+    of_place: float = 0.35  # of the pushes' variance that the position explains; no true ones reach it by chance
 
     # -- what matters in practice --
-    least_fall: float = 0.015  # share of the held-out error that a step takes off
+    least_fall: float = 0.015  # share of the held-out error that a step takes off; a load above the band may cost it
     least_force: float = 0.003  # and the share of u that it explains
     much_force: float = 0.015  # or the share of u that it explains, however loud the noise
 
@@ -90,9 +89,8 @@ class Policy:
     unexplained_factor: float = 2.0  # of the power in their worst window, from which on it joins them
 
     # -- reconstructed motion --
-    drift_rounds: int = 3  # in which its drift is found beside a set of effects, and the set anew
     ripple_share: float = 0.15  # of what is left, that a ripple over the position holds; of noise none holds 0.03
-    path_rounds: int = 6  # in which the path of one set settles: each halves a step that would go too far
+    path_rounds: int = 6  # in which a set settles on its path, and a path beside its set; each halves a step too far
     most_drift: float = 0.7  # of the range of the position, by which it may drift and still be used
     most_travel: float = 1.5  # times the least travel of any speed offset: an axis that works comes back
     told_deviations: float = 2.0  # standard errors that the values of an effect must be away from 0
@@ -105,15 +103,12 @@ class Policy:
     response_damping: float = 0.25  # of the free vibration; above, nothing swings
     response_correlated: float = 6.0  # rows over which what a swinging load leaves is correlated; more: play may rattle
     response_fall: float = 0.5  # of the output error that it takes off: less, and it leaves something correlated
-    response_rise: float = 0.02  # of the held-out error in the band, that such a load may cost there
     driven_gain: float = 0.7  # of the error with a load that the sensor drives, that one driven by the model may leave
-    play_deviations: float = 5.0  # standard errors of a gap, which it must have
     play_alone: float = 0.1  # of the force in contact, that may push a motor which is alone in its play
     play_off: float = 0.03  # of the play, by which contacts may lie off its flanks; of true play up to 0.02
 
     # -- vetoes --
     least_inertia: float = 0.01  # of the inertia first fitted; a set that leaves less explains u by itself
-    creeping_rise: float = 1.3  # of what all rows leave over what is left where the direction is sure: that is creeping
     few_rows: int = 150  # independent equations below which of when u acts nothing is said
 
     # -- ties --
@@ -136,7 +131,7 @@ class Policy:
     other_bands: float = 2.0  # by which the band is divided and multiplied, and the verdict tried again there
 
     # -- values --
-    value_deviations: float = 4.0  # standard errors from which on a value is wrong, or a load has a frequency
+    value_deviations: float = 4.0  # standard errors from which on a value is wrong, or a load has a frequency, or a gap
     contradicting_deviations: float = 3.0  # standard deviations from which on a log contradicts a prior or held value
     not_identified: float = 1e3  # standard errors over the value; more is no estimate
     tied_correlation: float = 0.97  # with the inertia, above which only the ratio to it is identified

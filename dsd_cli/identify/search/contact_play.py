@@ -63,7 +63,7 @@ def identified_play(pushes: Pushes, inertia: float) -> IdentifiedPlay | None:
     middle = min(ordered[(len(near) - 1) // 2 : len(near) // 2 + 1], key=lambda c: c.off)
     gap = middle.gap, math.hypot(middle.reach[1] / middle.share, _scatter(middle, near, lambda c: c.gap))
     share = middle.share, _scatter(middle, near, lambda c: c.share)
-    if any(x < POLICY.play_deviations * error for x, error in (gap, share)):
+    if any(x < POLICY.value_deviations * error for x, error in (gap, share)):
         return None
     k = _stiffness(middle, near, pushes.step, pushes.two_intervals)
     values = {"gap": gap, "load_share": share, "stiffness": k}

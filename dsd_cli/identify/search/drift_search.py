@@ -39,7 +39,7 @@ def searched(task: Task) -> Found:
     if (along := paths.along_ripple(*found)) is not None:
         there = searched_as_is(replace(task, recordings=along))
         found = there if paths.better(there, found) else found
-    for _ in range(POLICY.drift_rounds):
+    for _ in range(POLICY.path_rounds):
         path = paths.settled(*found)
         if not paths.better(path, found):
             break

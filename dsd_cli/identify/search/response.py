@@ -205,7 +205,7 @@ def _play(search: Search, look: _Look, others: Sequence[Array]) -> _Found | None
     rest = play.left(at)
     values = play.values(at, variance_of(rest), near)
     (gap, spread), resolved = values["gap"], search.ranges.resolution / POLICY.resolved_deviations
-    told = gap > POLICY.play_deviations * max(spread, 0.0) and gap > resolved
+    told = gap > POLICY.value_deviations * max(spread, 0.0) and gap > resolved
     free = [signals.rows(x) for x in signals.given]
     rival = min((left(np.column_stack([x, *free]), signals.target) for x in others), key=_squares)
     white = correlation_time(rest) < POLICY.response_correlated  # a load that no simulation follows leaves more

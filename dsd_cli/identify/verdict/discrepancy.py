@@ -95,7 +95,7 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
     large = min(math.sqrt(max(plain**2 - reached**2, 0.0)), left) > least
     structured = share > POLICY.structured_share and math.sqrt(share) * left > least
     on = best.on if reached < plain else ()
-    unknown = ((certain and large) or structured) and not _in_doubt(search, fit)
+    unknown = (certain and large) or structured
     return Discrepancy(on, min(reached, plain), unknown, noise, plain)
 
 
@@ -133,15 +133,6 @@ def only_at_stops(search: Search, fit: Fit) -> bool:
     elsewhere = left_elsewhere(search, fit)
     limit = POLICY.floor_factor * search.problem.floor
     return elsewhere <= limit < search.problem.errors.rmse(fit)
-
-
-def _in_doubt(search: Search, fit: Fit) -> bool:
-    """Whether what is left comes from stops and creeping, or would with less noise: where the direction is sure no more
-    is left than by the sensor, and all rows leave more than that. A coarse encoder's error is a staircase in creeping,
-    and follows u."""
-    elsewhere, all_of_it = left_elsewhere(search, fit), search.problem.errors.rmse(fit)
-    creeping = elsewhere <= search.problem.floor and all_of_it > POLICY.creeping_rise * elsewhere
-    return creeping or only_at_stops(search, fit)
 
 
 def borne_out(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Discrepancy]:

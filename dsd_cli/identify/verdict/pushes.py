@@ -161,7 +161,7 @@ def _of_place(force: Array, place: Array) -> bool:
         return False
     shares = [_told_by(np.roll(force, round(k * len(force) / _DELAYS)), place) for k in range(_DELAYS)]
     as_well = sum(x >= shares[0] for x in shares[1:])
-    return shares[0] > POLICY.of_place and as_well <= POLICY.place_by_chance * (_DELAYS - 1)
+    return shares[0] > POLICY.of_place and as_well <= (1.0 - POLICY.surest) * (_DELAYS - 1)
 
 
 def _told_by(force: Array, place: Array) -> float:
