@@ -18,7 +18,7 @@ from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION, best_delay, inver
 from dsd_cli.identify.fit.driven_load import both_driven, by_contacts, with_driven_load
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.errors import Errors, Noise, measured, sensor_variance
-from dsd_cli.identify.fit.row_weights import Weighed, at_least_squares, weighed
+from dsd_cli.identify.fit.row_weights import Weighed, at_least_squares, inflation, weighed
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.testability import Settings, candidates_of, check_recordings, check_used, ranges, told_by
 from dsd_cli.identify.fit.values import Fitted, Scale, fitted_values, terms_of, whole_inertia
@@ -119,7 +119,7 @@ class Problem:
         known = known if returned else replace(known, returned=0.0)
         left, noise = found.variance, self._noise_in(found)
         beyond = left if found.leaning else left - noise if left > POLICY.incomplete * noise else 0.0
-        floor = left * found.inflation + beyond * POLICY.correlated_rows
+        floor = left * inflation(found.residual) + beyond * POLICY.correlated_rows
         fitted = fitted_values(found.fit, found.solver, self.scale, floor, known, complete=beyond == 0.0)
         zero = not self.reconstructed("position")
         return told_by(self.errors.bank, fitted, self.beside, self.solver.known, zero=zero)

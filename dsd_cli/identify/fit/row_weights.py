@@ -55,16 +55,13 @@ class Weighed:
         """Mean square of whitened rows, shape (N,), over those that count."""
         return float(white @ white) / self.rows
 
-    @property
-    def inflation(self) -> float:
-        """Integrated autocorrelation time of the residual, rows."""
-        return inflation(self.residual)
-
 
 def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     """The fit of the same effects, with rows where the direction is not sure weighed down.
 
-    What those leave beyond noise leans to one side: together they count as one row of that size.
+    What those leave beyond noise leans to one side in all rows of one stop, start or turn, and anew in the next: rows
+    of one count together as one of that size. Were they one row all together, what shows in them alone would show in
+    none: a friction that is missing at low speed makes them large itself.
 
     plain : the bank of the same rows in the unit of u.
     """
@@ -80,10 +77,11 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     least = POLICY.rows_per_value * (len(fit.total) + sum(t.effect.searched for t in fit.terms))
     if sure.sum() < least or not unsure.any():
         return Weighed(solver, fit, residual_of_u(fit, solver.bank), float(counted.sum()), bool(unsure.any()))
+    together = _rows_together(unsure, equations)
     for _ in range(_ROUNDS):
         left = residual_of_u(fit, solver.bank) ** 2
         quiet, loud = float(np.mean(left[sure])), float(np.mean(left[unsure]))
-        weight = math.sqrt(quiet / (quiet + unsure.sum() * max(loud - quiet, 0.0) + 1e-300))
+        weight = np.sqrt(quiet / (quiet + together * max(loud - quiet, 0.0) + 1e-300))
         row_weight = np.where(sure, 1.0, np.where(unsure, weight, 0.0))
         size = float(row_weight @ row_weight)
         bank = white.weighing(row_weight, white.variance * size / len(row_weight))
@@ -139,6 +137,12 @@ def autocorrelation(x: Array, most: int) -> Array:
     return products / max(float(products[0]), 1e-300) if len(products) else products
 
 
+def _rows_together(marked: NDArray[np.bool_], equations: Equations) -> NDArray[np.int_]:
+    """How many rows the run has, of marked ones or of others, that each row is in, shape (N,)."""
+    run = np.cumsum(np.concatenate([np.diff(x, prepend=~x[:1]) for x in equations.by_stretch(marked)]))
+    return np.bincount(run)[run]
+
+
 def _exact(fit: Fit, solver: Solver) -> tuple[Fit, Solver]:
     """The same with the drive at the fitted delay itself: a mix of two whole steps is low-passed.
 
@@ -178,19 +182,14 @@ def sure_rows(terms: Terms, equations: Equations, most: float) -> NDArray[np.boo
     return np.asarray(uncertain(equations) <= most)
 
 
-def many_sure(equations: Equations) -> NDArray[np.bool_] | None:
-    """Rows that count in which the direction is sure, shape (N,); None where they are a small part of those."""
-    sure = equations.kept & (uncertain(equations) <= POLICY.unsure_share)
-    return sure if sure.sum() > POLICY.sure_part * equations.kept.sum() else None
+def many_sure(equations: Equations, nearly: bool = False) -> NDArray[np.bool_] | None:
+    """Rows that count in which the direction is sure, shape (N,); None where they are a small part of those.
 
-
-def clear_rows(equations: Equations) -> NDArray[np.bool_] | None:
-    """As `many_sure`; where these are few, rows in which the axis may rest or turn for a small part of their weight.
-
-    What is left in the latter is too much if anything: they can show that a model leaves no more than noise, no more.
+    nearly : then rows, too, in which the axis may rest or turn for a small part of their weight. What is left there is
+        too much if anything: they can show that a model leaves no more than noise, no more.
     """
     kept, share = equations.kept, uncertain(equations)
-    found = (kept & (share <= most) for most in (POLICY.unsure_share, POLICY.unsure_push))
+    found = (kept & (share <= most) for most in (POLICY.unsure_share, POLICY.unsure_push)[: 1 + nearly])
     return next((rows for rows in found if rows.sum() > POLICY.sure_part * kept.sum()), None)
 
 

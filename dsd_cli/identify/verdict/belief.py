@@ -21,7 +21,7 @@ from dsd_cli.effects import Effect, Role
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.blocks import solve, total_gram
 from dsd_cli.identify.fit.freeform import GAIN, FreeformFits
-from dsd_cli.identify.fit.row_weights import clear_rows
+from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
@@ -174,7 +174,7 @@ def _halves(fits: FreeformFits) -> tuple[list[tuple[Array, Array]], int]:
     (whitened, in the unit of u where the direction of the motion is sure), shapes (p+1, p+1); how many rows are so."""
     equations, base = fits.equations, np.stack(fits.base)
     at = equations.acting([piece.values[PLACE] for piece in fits.pieces], smooth=False, held=False)
-    kept, sure = equations.kept > 0.0, clear_rows(equations)
+    kept, sure = equations.kept > 0.0, many_sure(equations, nearly=True)
     far = at > np.median(at[kept])
     judged = kept if sure is None else kept & sure
     white, plain = np.stack([equations.whitened(x) for x in base]), base * judged

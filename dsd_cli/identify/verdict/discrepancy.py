@@ -14,7 +14,7 @@ from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import GAIN, Freeform
 from dsd_cli.identify.fit.noise import structured_share
-from dsd_cli.identify.fit.row_weights import clear_rows, surely_less
+from dsd_cli.identify.fit.row_weights import many_sure, surely_less
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
@@ -138,7 +138,7 @@ def only_at_stops(search: Search, fit: Fit) -> bool:
 def borne_out(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Discrepancy]:
     """The set that was found and what is beyond it; no effect, where the model leaves more than the sensor only at
     stops and in creeping, and the set takes nothing certain off elsewhere: it explains what nobody knows."""
-    sure = clear_rows(search.equations)
+    sure = many_sure(search.equations, nearly=True)
     if sure is None or not search.added(whole.terms) or not only_at_stops(search, search.refit):
         return whole, beyond
     was, now = (search.problem.errors.residual(fit, held_out=False)[sure] for fit in (search.refit, whole))
@@ -163,7 +163,7 @@ def said_of_left(search: Search, fit: Fit) -> tuple[str, ...]:
 
 def left_elsewhere(search: Search, fit: Fit) -> float:
     """rms of what is left where the direction of the motion is sure, unit of u; inf where few rows are so, or all."""
-    sure = clear_rows(search.equations)
+    sure = many_sure(search.equations, nearly=True)
     if sure is None or sure.all():
         return math.inf
     return float(np.sqrt(np.mean(search.problem.errors.residual(fit, held_out=False)[sure] ** 2)))
