@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.recordings.recording import SHORTEST, Recording
 from dsd_cli.signals.log import Array, Log
 from dsd_cli.signals.runs import runs
 
@@ -47,6 +47,15 @@ def with_part(
     windows = [_cut(piece, a, b - a) for a, b in runs(taken)]
     more = replace(part, pieces=tuple(sorted([*others, *windows], key=lambda p: float(p["t"][0]))))
     return tuple(more if i == index else p for i, p in enumerate(parts))
+
+
+def inside(recording: Recording, low: float, high: float, kind: str) -> Recording | None:
+    """The samples at positions between the two, in more pieces; None where less than half of the log would be left."""
+    found = ((p, runs((p["position"] > low) & (p["position"] < high))) for p in recording.pieces)
+    pieces = tuple(_cut(p, a, b - a) for p, spells in found for a, b in spells if b - a >= SHORTEST)
+    if 2 * sum(map(len, pieces)) < recording.samples:
+        return None
+    return replace(recording, pieces=pieces, taken_off=(*recording.taken_off, kind))
 
 
 def _excerpt(recording: Recording, samples: int) -> Recording:

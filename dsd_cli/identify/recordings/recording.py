@@ -46,7 +46,7 @@ class Recording:
     rest_speed : speed up to which the plant may be at rest, as far as the measurement can show.
     pushed : (effect, share of the inertia) of the load that "push" of the pieces drives (`fit.driven_load`); None where
         the motion drives every load. levels : (effect, column, coefficient) of forces that act in this log alone.
-    taken_off : kinds of parts of u that did not act, and are no more in it.
+    taken_off : kinds of parts of u that did not act, or of rows in which more did, that are no more in it.
     lost : what a low-pass has taken from the motion before it was logged.
     """
 
@@ -106,9 +106,9 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
     if "u" not in log:
         raise DataError(f"{log.source}: no u", "set signals.u to the column with the control input")
     log, edges = in_pieces(log, restarts)
-    parts = [_part(log, a, b) for a, b in pairwise(edges) if b - a >= _SHORTEST]
+    parts = [_part(log, a, b) for a, b in pairwise(edges) if b - a >= SHORTEST]
     if not parts:
-        raise TooShort(f"{log.source}: {len(log)} samples without a stretch of {_SHORTEST}", "a longer log is needed")
+        raise TooShort(f"{log.source}: {len(log)} samples without a stretch of {SHORTEST}", "a longer log is needed")
     pieces = [regularised(part) for part in parts]
     provenance = {"u": "logged"}
     if "d_hat" in log:
@@ -171,7 +171,7 @@ def check_one_rate(recordings: Sequence[Recording]) -> None:
 
 
 #: Samples of the shortest stretch that is used.
-_SHORTEST = 50
+SHORTEST = 50
 #: Times the least noise of all samples, from which on the smoothing had to end early at one.
 _WIDER = 1.01
 

@@ -21,18 +21,19 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.levels import may_differ, with_levels
 from dsd_cli.identify.recordings.recording import Mended, Recording
-from dsd_cli.identify.results import Diagnosis
+from dsd_cli.identify.results import NONE, Diagnosis
 from dsd_cli.identify.search.levels import Levelled, levelled
 from dsd_cli.identify.search.long_logs import Progress, Task
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.search.shapes import renamed
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told, freed, told_far_off
 from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrepancy_of, without_imitations
+from dsd_cli.identify.verdict.end_stop import end_stops
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.levels import log_levels, with_levels_said
 from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.identify.verdict.own_values import own_values
-from dsd_cli.identify.verdict.probability import memberships
+from dsd_cli.identify.verdict.probability import memberships, unexplained_of
 from dsd_cli.identify.verdict.pushes import pushed
 from dsd_cli.identify.verdict.resonance import with_response
 from dsd_cli.identify.verdict.stability import with_stability
@@ -68,6 +69,10 @@ def diagnose(
     DataError, UsageError : too short, no motion, or a needed channel is missing; recordings of different rates.
     """
     report = progress or (lambda _what, _share: None)
+
+    def asked_again(there: Sequence[Recording], settings: Settings | None, aside: Sequence[Recording]) -> Diagnosis:
+        return diagnose(there, model, observer, settings, aside, progress, stability, on_told, on_found)
+
     report("preparing", 0.0)
     asked, against = prior_check(recordings, model, settings or Settings(), report)
     if against:
@@ -85,17 +90,22 @@ def diagnose(
     limits = limits_of(search, whole, shown.settings, shown.seen or shown.other)
     if limits.idle is not None:
         mended = limits.idle.taken_off(apart.plain, holdout)
-        plain, aside = mended.recordings, mended.holdout
-        again = diagnose(plain, model, observer, settings, aside, progress, stability, on_told, on_found)
-        return _of_mended(again, mended)
+        return _of_mended(asked_again(mended.recordings, settings, mended.holdout), mended)
+    if (touched := end_stops(search, whole, beyond, apart.plain, holdout)) is not None:
+        mended, before = touched.mended, unexplained_of(search, whole, beyond)
+        again = asked_again(mended.recordings, settings, mended.holdout)
+        if not touched.confirmed(before, again):
+            touched = None
+        elif again.verdict != NONE:
+            return _of_mended(again, mended)
     members = {} if limits.blocked or shown.seen is not None else memberships(search, whole, beyond.unknown)
     options = [*search.options(search.refit), *first]
     verdict = Verdict(search, options, whole, members, own_values(search, shown), beyond, shown, limits)
     if verdict.rising:  # what raises the error stands in for something else: the search begins again without it
-        asked = task.settings.without([verdict.rising])
-        return diagnose(apart.plain, model, observer, asked, holdout, progress, stability, on_told, on_found)
+        return asked_again(apart.plain, task.settings.without([verdict.rising]), holdout)
     on_found(search, whole)
     diagnosis = with_levels_said(against_told(verdict.diagnosis(), search, whole, task.settings), search, whole, apart)
+    diagnosis = diagnosis if touched is None else touched.beside(diagnosis)
     if stability:
         report("how sure, on parts", 0.85)
         diagnosis = with_stability(diagnosis, task.recordings, model, shown.settings)

@@ -1,0 +1,158 @@
+"""Whether what stays unexplained is a mechanical end stop that the axis touches: those rows are then left out.
+
+A stop pushes inwards and nowhere else: nothing up to where it is touched, then ever harder, with an impact that no
+catalogue has. Effects of the whole travel are found in its place. Two contacts, one at either end, are held against any
+function of the position; and without the rows beyond them nothing may depend on the position any more: a spring that
+hardens does so everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dsd_cli.identify.fit.bank import has_friction
+from dsd_cli.identify.fit.blocks import grams, losses, solve
+from dsd_cli.identify.fit.freeform import FreeformFits
+from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.missing import Unexplained
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.excerpts import inside
+from dsd_cli.identify.recordings.recording import Mended, Recording
+from dsd_cli.identify.results import Diagnosis
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.discrepancy import Discrepancy
+from dsd_cli.signals.log import Array
+
+#: Shares of the travel within which a stop is touched, and at least; places that are tried within, at either end. A
+#: contact that the drive presses in by more is a spring in which the axis moves.
+_DEEPEST, _LEAST, _TRIED = 0.1, 1e-3, 60
+#: Share of what any function of the position explains that contacts must, and that must be gone with their rows.
+_MOST = 0.5
+#: What is taken off a recording, see there.
+_KIND = "end stop"
+
+
+@dataclass(frozen=True)
+class Contact:
+    """end : 1 of the upper end of the travel, -1 of the lower. place : where it is touched, rad or m. stiffness : of
+    the force inwards, unit of u per rad or m."""
+
+    end: int
+    place: float
+    stiffness: float
+
+    def push(self, position: Array) -> Array:
+        """Force at a stiffness of 1."""
+        return -self.end * np.maximum(self.end * (position - self.place), 0.0)
+
+
+@dataclass(frozen=True)
+class EndStops:
+    """mended : the logs without the rows in which the axis touches them. said : where. key : what leaves them out."""
+
+    mended: Mended
+    said: str
+    key: str
+
+    def confirmed(self, before: Unexplained, again: Diagnosis) -> bool:
+        """Whether most of what was unexplained of all rows is not there in the others."""
+        return again.unexplained.share_of_u**2 < (1.0 - _MOST) * before.share_of_u**2
+
+    def beside(self, diagnosis: Diagnosis) -> Diagnosis:
+        """An answer from all rows, in which nothing but the stops is missing, with the advice to leave them out."""
+        return replace(diagnosis, advice=(f"{self.said}: an end stop? {self.key} leaves it out", *diagnosis.advice))
+
+
+def end_stops(
+    search: Search, whole: Fit, beyond: Discrepancy, recordings: Sequence[Recording], holdout: Sequence[Recording]
+) -> EndStops | None:
+    """None where the axis does not seem to touch any.
+
+    Not where the position is had from u and d_hat: such a place would be no place in the log.
+    """
+    if not beyond.unknown or search.problem.reconstructed("position"):
+        return None
+    if any(_KIND in r.taken_off for r in recordings):
+        return None
+    part = search.excerpt or search
+    touching = _Touching(part, whole if part is search else part.fit(whole.terms, whole.tap))
+    if not (contacts := touching.contacts()):
+        return None
+    place = {c.end: c.place for c in contacts}
+    low, high = place.get(-1, -math.inf), place.get(1, math.inf)
+    several = [[inside(r, low, high, _KIND) for r in each] for each in (recordings, holdout)]
+    left = [tuple(r for r in each if r is not None) for each in several]
+    if sum(map(len, left)) < len(recordings) + len(holdout):
+        return None
+    digit = 10.0 ** (math.floor(math.log10(touching.high - touching.low)) - 3)
+    kept = (_inwards(place.get(end, edge + end * digit), digit, end) for end, edge in touching.edges)
+    key = f'--set "signals.position_range=[{", ".join(kept)}]"'
+    where = " and ".join(f"{'above' if c.end > 0 else 'below'} {c.place:.4g}" for c in contacts)
+    said = f"where the position is {where} something pushes the axis back, and nowhere else"
+    told = f"{said}: these rows count as an end stop and are left out. For other commands: {key}"
+    return EndStops(Mended(left[0], left[1], (told,)), said, key)
+
+
+def _inwards(place: float, digit: float, end: int) -> str:
+    """Rounded to the digit."""
+    return f"{end * math.floor(end * place / digit) * digit:.6g}"
+
+
+class _Touching:
+    """Contacts at the ends of the travel beside all that was found, judged in the rows of a search."""
+
+    def __init__(self, search: Search, fit: Fit) -> None:
+        self.fits: FreeformFits = search.freeform(fit)
+        self.nats = search.noise.nats
+        self.travels = [piece.values["position"] for piece in self.fits.pieces if "position" in piece.values]
+        places = np.concatenate([*self.travels, np.zeros(0)])
+        self.low, self.high = (float(places.min()), float(places.max())) if len(places) else (0.0, 0.0)
+        self.rows = [self.fits.equations.whitened(x) for x in self.fits.base]
+
+    @property
+    def edges(self) -> tuple[tuple[int, float], tuple[int, float]]:
+        """(end, where the travel ends)."""
+        return (-1, self.low), (1, self.high)
+
+    def contacts(self) -> list[Contact]:
+        """Those that are there; none where a function of the position explains clearly more."""
+        if ("position",) not in self.fits.groups():
+            return []
+        first = max((self._best(end, []) for end in (-1, 1)), key=lambda found: found[0])[1]
+        second = self._best(-first.end, [first])[1]
+        both = [c for c in (first, second) if c.stiffness > 0.0]
+        found = [c for c in both if self._gain(both, [o for o in both if o is not c]) > POLICY.unknown_nats]
+        free = self.fits.fit_with(("position",)).gain / self.nats
+        return found if found and self._gain(found, []) > _MOST * free else []
+
+    def _best(self, end: int, beside: Sequence[Contact]) -> tuple[float, Contact]:
+        """(squares that it takes off, the contact at the place where these are most), beside what was found."""
+        q, _ = np.linalg.qr(np.stack([*self.rows[1:], *map(self._row, beside)]).T)
+        left, edge = self.rows[0] - q @ (q.T @ self.rows[0]), self.high if end > 0 else self.low
+        found = []
+        for depth in ((self.high - self.low) * np.geomspace(_LEAST, _DEEPEST, _TRIED)).tolist():
+            contact = Contact(end, edge - end * depth, 0.0)
+            row = self._row(contact)
+            row = row - q @ (q.T @ row)
+            stiffness = float(row @ left) / max(float(row @ row), 1e-300)
+            found.append((max(stiffness, 0.0) * float(row @ left), replace(contact, stiffness=stiffness)))
+        return max(found, key=lambda one: one[0])
+
+    def _row(self, contact: Contact) -> Array:
+        """Whitened."""
+        equations = self.fits.equations
+        raw, held = [contact.push(x) for x in self.travels], has_friction(self.fits.fit.terms)
+        return equations.whitened(equations.acting(raw, smooth=False, held=held))
+
+    def _gain(self, contacts: Sequence[Contact], beside: Sequence[Contact]) -> float:
+        """Nats of held-out blocks that contacts gain over some of them."""
+        with_all, less = (self._loss([self._row(c) for c in some]) for some in (contacts, beside))
+        return (less - with_all) / self.nats
+
+    def _loss(self, more: Sequence[Array]) -> float:
+        found = grams([*self.rows, *more], self.fits.blocks)
+        return float(losses(solve(found.fitted), found, self.fits.blocks).sum())
