@@ -33,7 +33,7 @@ from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.levels import log_levels, with_levels_said
 from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.identify.verdict.own_values import own_values
-from dsd_cli.identify.verdict.probability import memberships, unexplained_of
+from dsd_cli.identify.verdict.probability import memberships
 from dsd_cli.identify.verdict.pushes import pushed
 from dsd_cli.identify.verdict.resonance import with_response
 from dsd_cli.identify.verdict.stability import with_stability
@@ -70,8 +70,10 @@ def diagnose(
     """
     report = progress or (lambda _what, _share: None)
 
-    def asked_again(there: Sequence[Recording], settings: Settings | None, aside: Sequence[Recording]) -> Diagnosis:
-        return diagnose(there, model, observer, settings, aside, progress, stability, on_told, on_found)
+    def asked_again(
+        there: Sequence[Recording], settings: Settings | None, aside: Sequence[Recording], found: Found = on_found
+    ) -> Diagnosis:
+        return diagnose(there, model, observer, settings, aside, progress, stability, on_told, found)
 
     report("preparing", 0.0)
     asked, against = prior_check(recordings, model, settings or Settings(), report)
@@ -92,11 +94,13 @@ def diagnose(
         mended = limits.idle.taken_off(apart.plain, holdout)
         return _of_mended(asked_again(mended.recordings, settings, mended.holdout), mended)
     if (touched := end_stops(search, whole, beyond, apart.plain, holdout)) is not None:
-        mended, before = touched.mended, unexplained_of(search, whole, beyond)
-        again = asked_again(mended.recordings, settings, mended.holdout)
-        if not touched.confirmed(before, again):
+        ends: list[tuple[Search, Fit]] = []
+        mended = touched.mended
+        again = asked_again(mended.recordings, settings, mended.holdout, lambda *end: ends.append(end))
+        if not touched.confirmed(*ends[-1]):
             touched = None
         elif again.verdict != NONE:
+            on_found(*ends[-1])
             return _of_mended(again, mended)
     members = {} if limits.blocked or shown.seen is not None else memberships(search, whole, beyond.unknown)
     options = [*search.options(search.refit), *first]

@@ -18,7 +18,6 @@ from dsd_cli.identify.fit.bank import has_friction
 from dsd_cli.identify.fit.blocks import grams, losses, solve
 from dsd_cli.identify.fit.freeform import FreeformFits
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import inside
 from dsd_cli.identify.recordings.recording import Mended, Recording
@@ -30,8 +29,7 @@ from dsd_cli.signals.log import Array
 #: Shares of the travel within which a stop is touched, and at least; places that are tried within, at either end. A
 #: contact that the drive presses in by more is a spring in which the axis moves.
 _DEEPEST, _LEAST, _TRIED = 0.1, 1e-3, 60
-#: Share of what any function of the position explains that contacts must, and that must be gone with their rows.
-_MOST = 0.5
+_POSITION = ("position",)
 #: What is taken off a recording, see there.
 _KIND = "end stop"
 
@@ -52,15 +50,17 @@ class Contact:
 
 @dataclass(frozen=True)
 class EndStops:
-    """mended : the logs without the rows in which the axis touches them. said : where. key : what leaves them out."""
+    """mended : the logs without the rows in which the axis touches them. said : where. key : what leaves them out.
+    before : what depends on the position with them, see `by_position`."""
 
     mended: Mended
     said: str
     key: str
+    before: float
 
-    def confirmed(self, before: Unexplained, again: Diagnosis) -> bool:
-        """Whether most of what was unexplained of all rows is not there in the others."""
-        return again.unexplained.share_of_u**2 < (1.0 - _MOST) * before.share_of_u**2
+    def confirmed(self, search: Search, whole: Fit) -> bool:
+        """Whether nothing depends on the position any more, to what was found without those rows."""
+        return by_position(search, whole) < (1.0 - POLICY.rival_share_in_misfit) * self.before
 
     def beside(self, diagnosis: Diagnosis) -> Diagnosis:
         """An answer from all rows, in which nothing but the stops is missing, with the advice to leave them out."""
@@ -92,9 +92,17 @@ def end_stops(
     kept = (_inwards(place.get(end, edge + end * digit), digit, end) for end, edge in touching.edges)
     key = f'--set "signals.position_range=[{", ".join(kept)}]"'
     where = " and ".join(f"{'above' if c.end > 0 else 'below'} {c.place:.4g}" for c in contacts)
-    said = f"where the position is {where} something pushes the axis back, and nowhere else"
+    said = f"where the position (rad or m) is {where} something pushes the axis back, and nowhere else"
     told = f"{said}: these rows count as an end stop and are left out. For other commands: {key}"
-    return EndStops(Mended(left[0], left[1], (told,)), said, key)
+    return EndStops(Mended(left[0], left[1], (told,)), said, key, by_position(search, whole))
+
+
+def by_position(search: Search, whole: Fit) -> float:
+    """Power that some function of the position takes off what is left, unit of u squared; 0 if none does."""
+    part = search.excerpt or search
+    fit = whole if part is search else part.fit(whole.terms, whole.tap)
+    plain = part.problem.errors.rmse(fit)
+    return max(plain**2 - part.freeform(fit).left_of(plain, _POSITION) ** 2, 0.0)
 
 
 def _inwards(place: float, digit: float, end: int) -> str:
@@ -120,14 +128,14 @@ class _Touching:
 
     def contacts(self) -> list[Contact]:
         """Those that are there; none where a function of the position explains clearly more."""
-        if ("position",) not in self.fits.groups():
+        if _POSITION not in self.fits.groups():
             return []
         first = max((self._best(end, []) for end in (-1, 1)), key=lambda found: found[0])[1]
         second = self._best(-first.end, [first])[1]
         both = [c for c in (first, second) if c.stiffness > 0.0]
         found = [c for c in both if self._gain(both, [o for o in both if o is not c]) > POLICY.unknown_nats]
-        free = self.fits.fit_with(("position",)).gain / self.nats
-        return found if found and self._gain(found, []) > _MOST * free else []
+        free = self.fits.fit_with(_POSITION).gain / self.nats
+        return found if found and self._gain(found, []) > POLICY.share_of_possible * free else []
 
     def _best(self, end: int, beside: Sequence[Contact]) -> tuple[float, Contact]:
         """(squares that it takes off, the contact at the place where these are most), beside what was found."""
