@@ -44,7 +44,8 @@ def check_values(view: View, model: PlantModel | None) -> list[Finding]:
         return []
     found, delay = [], delay_of(fit, view)
     if delay + CLEAR * fit.shift_error < -LATE_SAMPLES * view.log.sample_time:
-        what = f"u is {-delay * 1e3:.3g} ms later than the motion it causes: another clock, or a filtered u?"
+        why = "another clock, a filtered u, or a load behind something soft?"  # a motor's speed leads u with that
+        what = f"u is {-delay * 1e3:.3g} ms later than the motion it causes: {why}"
         found.append(Finding(what, "u", "warning", 0.9, late=-delay, first=True))
     if model is not None and not 1.0 / ANOTHER < fit.inertia / model.inertia < ANOTHER:
         what = f"u and the motion make an inertia of about {fit.inertia:.2g}, [model] has {model.inertia:.4g}"

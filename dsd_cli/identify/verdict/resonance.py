@@ -170,7 +170,7 @@ def _without_load(found: Resonance, task: Task, silent: bool) -> Resonance:
     rest, rmse = search.fit(best.terms, best.tap), search.problem.errors.rmse
     taken = rmse(rest) ** 2 - rmse(whole) ** 2
     if silent and taken > rmse(whole) ** 2 and search.matters(rest, whole):
-        return found
+        return replace(found, rattles=False)  # it is found; what the response leaves need not be its play
     return replace(found, search=without, whole=best, settings=settings)
 
 
