@@ -126,6 +126,7 @@ def test_a_load_that_samples_cannot_tell_is_no_explanation():
     [
         ((), 2, "speed40k"),
         ((), 2016, "enc4096"),  # long moves at constant speed: the encoder's error is a tone, fed back into u
+        ((), 76080, "enc4096"),  # and so is its first harmonic, at another place and above the sampling's end
         (("actuator_lag",), 2, "speedloud"),
         (("stribeck_friction",), 2, "speedloud"),
     ],
@@ -197,6 +198,19 @@ def test_noise_of_any_spectrum_becomes_white():
     lagged = [float(white[lag:] @ white[:-lag]) / float(white @ white) for lag in range(1, 30)]
     assert max(map(abs, lagged)) < 0.05  # about 5 standard errors; the tone has 0.8 after three samples
     assert np.var(white) == pytest.approx(1.0, rel=0.05)
+
+
+def test_noise_that_has_other_tones_from_moment_to_moment_becomes_white():
+    """As an encoder's error at one constant speed after the other; one filter for all would leave 0.2 and more."""
+    rng, size = np.random.default_rng(6), 5000
+    moments = [
+        lfilter([1.0], [1.0, -1.94 * math.cos(w), 0.95], rng.standard_normal(size)) for w in (0.4, 1.1, 1.9, 2.6)
+    ]
+    tones = np.concatenate(moments)
+    white = innovations(tones, 1e-3)(tones)
+    for moment in np.split(white[-3 * size :], 3):
+        lagged = [float(moment[lag:] @ moment[:-lag]) / float(moment @ moment) for lag in range(1, 30)]
+        assert max(map(abs, lagged)) < 0.07  # five standard errors
 
 
 def test_the_answer_is_the_load_and_the_error_in_the_band_falls(swinging):

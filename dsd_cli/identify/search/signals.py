@@ -7,6 +7,7 @@ without phase would mix both.
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -22,6 +23,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.stretches import Stretch
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.windows import smooth_size
 
 #: s that a response needs to forget what was before a stretch, and the share of a stretch that it may take at most.
 _FORGOTTEN, _MOST_FORGOTTEN = 0.3, 0.2
@@ -31,6 +33,8 @@ _LAGS, _FEWEST = 200, 1000
 BLOCKS = 40
 #: s of the past from which noise of any spectrum is predicted; ridge of its correlation, as a share of the variance.
 _PREDICTED, _RIDGE = 0.025, 1e-6
+#: Rows for each value of such a prediction.
+_PER_LAG = 20
 #: Frequencies that are looked at for a line, per bin of the spectrum.
 _FINER = 8
 
@@ -167,16 +171,28 @@ def innovations(rest: Array, step: float) -> Callable[[Array], Array]:
     """The filter that takes out of rows, shape (n, ...), what the past of `rest`, shape (n,), predicts of it.
 
     At constant speed an encoder's error is a tone, which a controller feeds back into u: this noise is far from white,
-    and a lightly damped load would explain it.
+    and a lightly damped load would explain it. Each speed has its own tones: each part of the rows has its own filter.
     """
     order = max(int(_PREDICTED / step), 1)
-    power = np.abs(np.fft.rfft(rest, 2 * len(rest))) ** 2
+    pieces = max(len(rest) // (_PER_LAG * order), 1)
+    edges = np.linspace(order, len(rest), pieces + 1).astype(int).tolist()
+    parts = [(a - order, b, _taps(rest[a - order : b], order)) for a, b in itertools.pairwise(edges)]
+
+    def fresh(rows: Array) -> Array:
+        # to the last bit `scipy.signal.lfilter`, whose import takes a third of a second
+        found = [np.apply_along_axis(np.convolve, 0, rows[a:b], taps, "valid") for a, b, taps in parts]
+        return np.concatenate(found)
+
+    return fresh
+
+
+def _taps(rest: Array, order: int) -> Array:
+    """Of the filter that predicts, with 1 in front."""
+    power = np.abs(np.fft.rfft(rest, smooth_size(2 * len(rest)))) ** 2
     correlation = np.fft.irfft(power)[: order + 1]
     correlation[1:] /= max((1.0 + _RIDGE) * float(correlation[0]), 1e-300)
     correlation[0] = 1.0
-    taps = np.append(1.0, -linear_prediction(correlation)[0])
-    # to the last bit `scipy.signal.lfilter`, whose import takes a third of a second
-    return lambda rows: np.apply_along_axis(np.convolve, 0, rows, taps, "valid")
+    return np.append(1.0, -linear_prediction(correlation)[0])
 
 
 def left(columns: Array, target: Array) -> Array:
