@@ -29,6 +29,9 @@ from dsd_cli.signals.log import Array
 #: Shares of the travel within which a stop is touched, and at least; places that are tried within, at either end. A
 #: contact that the drive presses in by more is a spring in which the axis moves.
 _DEEPEST, _LEAST, _TRIED = 0.1, 1e-3, 60
+#: Share of what depends on the position that may be left without them: a spring that hardens by q^5 leaves 0.25, what
+#: an impact does to the rows before it 0.03.
+_LEFT = 0.1
 _POSITION = ("position",)
 #: What is taken off a recording, see there.
 _KIND = "end stop"
@@ -60,7 +63,7 @@ class EndStops:
 
     def confirmed(self, search: Search, whole: Fit) -> bool:
         """Whether nothing depends on the position any more, to what was found without those rows."""
-        return by_position(search, whole) < (1.0 - POLICY.rival_share_in_misfit) * self.before
+        return by_position(search, whole) < _LEFT * self.before
 
     def beside(self, diagnosis: Diagnosis) -> Diagnosis:
         """An answer from all rows, in which nothing but the stops is missing, with the advice to leave them out."""
