@@ -28,7 +28,7 @@ from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.search.shapes import renamed
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told, freed, told_far_off
 from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrepancy_of, without_imitations
-from dsd_cli.identify.verdict.end_stop import end_stops
+from dsd_cli.identify.verdict.end_stop import EndStops, end_stops
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.levels import log_levels, with_levels_said
 from dsd_cli.identify.verdict.limits import limits_of
@@ -70,10 +70,9 @@ def diagnose(
     """
     report = progress or (lambda _what, _share: None)
 
-    def asked_again(
-        there: Sequence[Recording], settings: Settings | None, aside: Sequence[Recording], found: Found = on_found
-    ) -> Diagnosis:
-        return diagnose(there, model, observer, settings, aside, progress, stability, on_told, found)
+    def ask(mended: Mended, found: Found = on_found) -> Diagnosis:
+        aside = mended.holdout
+        return diagnose(mended.recordings, model, observer, settings, aside, progress, stability, on_told, found)
 
     report("preparing", 0.0)
     asked, against = prior_check(recordings, model, settings or Settings(), report)
@@ -92,29 +91,41 @@ def diagnose(
     limits = limits_of(search, whole, shown.settings, shown.seen or shown.other)
     if limits.idle is not None:
         mended = limits.idle.taken_off(apart.plain, holdout)
-        return _of_mended(asked_again(mended.recordings, settings, mended.holdout), mended)
-    if (touched := end_stops(search, whole, beyond, apart.plain, holdout)) is not None:
-        ends: list[tuple[Search, Fit]] = []
-        mended = touched.mended
-        again = asked_again(mended.recordings, settings, mended.holdout, lambda *end: ends.append(end))
-        if not touched.confirmed(*ends[-1]):
-            touched = None
-        elif again.verdict != NONE:
-            on_found(*ends[-1])
-            return _of_mended(again, mended)
+        return _of_mended(ask(mended), mended)
+    stops, answer = _without_stops(end_stops(search, whole, beyond, apart.plain, holdout), ask, on_found)
+    if answer is not None:
+        return answer
     members = {} if limits.blocked or shown.seen is not None else memberships(search, whole, beyond.unknown)
     options = [*search.options(search.refit), *first]
     verdict = Verdict(search, options, whole, members, own_values(search, shown), beyond, shown, limits)
     if verdict.rising:  # what raises the error stands in for something else: the search begins again without it
-        return asked_again(apart.plain, task.settings.without([verdict.rising]), holdout)
+        asked = task.settings.without([verdict.rising])
+        return diagnose(apart.plain, model, observer, asked, holdout, progress, stability, on_told, on_found)
     on_found(search, whole)
     diagnosis = with_levels_said(against_told(verdict.diagnosis(), search, whole, task.settings), search, whole, apart)
-    diagnosis = diagnosis if touched is None else touched.beside(diagnosis)
+    diagnosis = diagnosis if stops is None else stops.beside(diagnosis)
     if stability:
         report("how sure, on parts", 0.85)
         diagnosis = with_stability(diagnosis, task.recordings, model, shown.settings)
     report("done", 1.0)
     return replace(diagnosis, inverse=search.solver.inverse)
+
+
+def _without_stops(
+    stops: EndStops | None, ask: Callable[[Mended, Found], Diagnosis], on_found: Found
+) -> tuple[EndStops | None, Diagnosis | None]:
+    """(end stops, if all depends on them that depended on the position; the answer without them, if it names anything:
+    where nothing else is missing, they are)."""
+    if stops is None:
+        return None, None
+    ends: list[tuple[Search, Fit]] = []
+    answer = ask(stops.mended, lambda *end: ends.append(end))
+    if not stops.confirmed(*ends[-1]):
+        return None, None
+    if answer.verdict == NONE:
+        return stops, None
+    on_found(*ends[-1])
+    return stops, _of_mended(answer, stops.mended)
 
 
 def _of_mended(diagnosis: Diagnosis, mended: Mended) -> Diagnosis:
