@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -66,18 +67,24 @@ def verified(
     order.sort(key=lambda k: any(get_effect(name).memory for name in plants[k].effects))  # those that take longer last
     wide, lost, unstable, names = parts, list[str](), list[str](), [e.name for e in targets.explanations]
     last = dict[Key, dict[int, tuple[float, float]]]()
+
+    @cache  # where a plant is left out, the others have made these motions already
+    def run(key: Key, whole: tuple[MotionSegment, ...]) -> Run:
+        return run_loop(plants[key], loops[key[2]], _planned(led, whole, room, loops[0]), allowed)
+
     for _ in range(_SHRINKS * len(order)):
         runs, why, narrow = dict[Key, Run](), "", set[str]()
         try:  # who broke a limit will most likely do so in the first half
             for key, times in [*((k, 1) for k in order[:1] if last), *((k, TIMES) for k in order)]:
-                runs[key] = run_loop(plants[key], loops[key[2]], _planned(led, times * parts, room, loops[0]), allowed)
+                runs[key] = run(key, times * parts)
                 if runs[key].exceeded(allowed):
                     break
             else:
                 return Verified(parts, runs, tuple(lost), tuple(dict.fromkeys(unstable)))
             smaller = _smaller(parts, runs[key], room, allowed, last.setdefault(key, {}))
             if all(now.scale >= GENTLE * first.scale for now, first in zip(smaller, wide, strict=True)):
-                parts, order = smaller, [key, *(k for k in order if k != key)]  # who broke a limit is asked first
+                i = order.index(key)  # who broke a limit is asked first, who kept it in a larger motion last
+                parts, order = smaller, order[i:] + order[:i]
                 continue
             narrow = runs[key].exceeded(allowed).keys() - runs[key].exceeded(room.reached or allowed).keys()
         except UnstableLoopError as failure:
