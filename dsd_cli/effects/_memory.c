@@ -257,6 +257,17 @@ static double advance(const Coupling *k, const Clock *clock, double position, do
     return mean;
 }
 
+/* mean acceleration of the load in a row, which leaves the load as it then is; in an instant (t = 0) nothing moves */
+static double one_row(const Coupling *k, Clock *clock, double position, double velocity, double t, Load *load) {
+    const double slope = (velocity - load->motor_velocity) / (0.5 * (t + load->interval));
+    int laws = 0;
+    if (t == 0.0) return pull(k, position - load->position, velocity - load->velocity, &laws);
+    if (t != clock->interval) set_clock(clock, k, t);
+    load->motor_velocity = velocity;
+    load->interval = t;
+    return advance(k, clock, position, velocity, slope, load);
+}
+
 static PyObject *load_rows(PyObject *module, PyObject *args) {
     PyObject *objects[4];
     Columns c;
@@ -274,22 +285,25 @@ static PyObject *load_rows(PyObject *module, PyObject *args) {
         const double *position = c.view[0].buf, *velocity = c.view[1].buf, *interval = c.view[2].buf;
         double *out = c.view[3].buf;
         Py_BEGIN_ALLOW_THREADS
-        for (i = 0; i < c.rows; i++) {
-            const double t = interval[i], slope = (velocity[i] - load.motor_velocity) / (0.5 * (t + load.interval));
-            int laws = 0;
-            if (t == 0.0) {  /* an instant: nothing moves */
-                out[i] = pull(&k, position[i] - load.position, velocity[i] - load.velocity, &laws);
-                continue;
-            }
-            if (t != clock.interval) set_clock(&clock, &k, t);
-            out[i] = advance(&k, &clock, position[i], velocity[i], slope, &load);
-            load.motor_velocity = velocity[i];
-            load.interval = t;
-        }
+        for (i = 0; i < c.rows; i++) out[i] = one_row(&k, &clock, position[i], velocity[i], interval[i], &load);
         Py_END_ALLOW_THREADS
     }
     close_columns(&c);
     return Py_BuildValue("(dddd)", load.position, load.velocity, load.motor_velocity, load.interval);
+}
+
+/* the same for one row alone, as a simulation asks for it */
+static PyObject *load_row(PyObject *module, PyObject *args) {
+    Coupling k;
+    Clock clock = {.interval = -1.0};
+    Load load;
+    double position, velocity, t, mean;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "ddd(dddd)(dddd)", &position, &velocity, &t, &k.square, &k.drag, &k.half_gap, &k.rate,
+                          &load.position, &load.velocity, &load.motor_velocity, &load.interval)) return NULL;
+    k.fade = 1.0 / (FULL_DAMPING * k.half_gap);
+    mean = one_row(&k, &clock, position, velocity, t, &load);
+    return Py_BuildValue("d(dddd)", mean, load.position, load.velocity, load.motor_velocity, load.interval);
 }
 
 /* apart and closing of two masses: closing' = push - lighter pull, lighter = 1 / the motor's share of the inertia.
@@ -367,6 +381,7 @@ static PyMethodDef methods[] = {
     {"slip", slip, METH_VARARGS, "slip(moved, radius, before, out) -> the last state"},
     {"bouc_wen", bouc_wen, METH_VARARGS, "bouc_wen(moved, exponent, unloading, before, out) -> the last state"},
     {"load", load_rows, METH_VARARGS, "load(position, velocity, interval, coupling, state, out) -> state"},
+    {"load_row", load_row, METH_VARARGS, "load_row(position, velocity, interval, coupling, state) -> (mean, state)"},
     {"driven", driven_rows, METH_VARARGS, "driven(push, coupling, own, interval, steps, out)"},
     {NULL, NULL, 0, NULL},
 };

@@ -1,7 +1,7 @@
 """Recursions of effects with memory: compiled where the build had a compiler, else the loops that stand here.
 
 `_memory.c` does the same operations in the same order, but takes the steps of a load under one law at once, which
-differs by rounding. One row at a time (the simulator) always runs here.
+differs by rounding. So does the row of a load in a simulation; those of other effects always run here.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ def _find_compiled() -> Any:
         found = importlib.import_module("dsd_cli.effects._memory")
     except ImportError:
         return None
-    return found if hasattr(found, "slip") else None  # else it was built before that was in it
+    return found if hasattr(found, "load_row") else None  # else it was built before that was in it
 
 
 #: The compiled module, or None where the build had no compiler.
@@ -186,7 +186,10 @@ def load_acceleration(
     relative to the motor, at the end of the first row. An interval of 0 is this instant, and moves nothing.
     """
     if isinstance(position, float) or np.ndim(position) == 0:  # the simulator, in its innermost loop
-        return _load_row(position, velocity, interval, coupling, state)
+        if compiled is None or state is None or not isinstance(position, float):  # an export asks with symbols
+            return _load_row(position, velocity, interval, coupling, state)
+        mean, after = compiled.load_row(position, velocity, interval, coupling, state)
+        return mean, Load(*after)
     q, v, t = (np.ascontiguousarray(np.broadcast_to(x, position.shape), dtype=np.float64) for x in (
         position, velocity, interval))  # fmt: skip
     out = np.zeros(len(q))
