@@ -67,11 +67,7 @@ def verified(
     order.sort(key=lambda k: any(get_effect(name).memory for name in plants[k].effects))  # those that take longer last
     wide, lost, unstable, names = parts, list[str](), list[str](), [e.name for e in targets.explanations]
     last = dict[Key, dict[int, tuple[float, float]]]()
-
-    @cache  # where a plant is left out, the others have made these motions already
-    def run(key: Key, whole: tuple[MotionSegment, ...]) -> Run:
-        return run_loop(plants[key], loops[key[2]], _planned(led, whole, room, loops[0]), allowed)
-
+    run = cache(lambda k, whole: run_loop(plants[k], loops[k[2]], _planned(led, whole, room, loops[0]), allowed))
     for _ in range(_SHRINKS * len(order)):
         runs, why, narrow = dict[Key, Run](), "", set[str]()
         try:  # who broke a limit will most likely do so in the first half
@@ -83,8 +79,7 @@ def verified(
                 return Verified(parts, runs, tuple(lost), tuple(dict.fromkeys(unstable)))
             smaller = _smaller(parts, runs[key], room, allowed, last.setdefault(key, {}))
             if all(now.scale >= GENTLE * first.scale for now, first in zip(smaller, wide, strict=True)):
-                i = order.index(key)  # who broke a limit is asked first, who kept it in a larger motion last
-                parts, order = smaller, order[i:] + order[:i]
+                parts, order = smaller, order[order.index(key) :] + order[: order.index(key)]  # who kept more: last
                 continue
             narrow = runs[key].exceeded(allowed).keys() - runs[key].exceeded(room.reached or allowed).keys()
         except UnstableLoopError as failure:
