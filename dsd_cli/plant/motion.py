@@ -33,9 +33,12 @@ class Acting(NamedTuple):
 
     def force(self, channels: Channels, state: Any) -> float:
         """In the innermost loop of a simulation, and so without what `Effect.run` packs for arrays."""
-        effect, shape, force = self.effect, self.shape, 0.0
+        effect, factors, shape = self
         columns = effect.columns(channels, shape, state)[0] if effect.memory else effect.columns(channels, shape)
-        for factor, column in zip(self.factors, columns, strict=True):
+        if len(factors) == 1:
+            return factors[0] * float(columns[0])
+        force = 0.0
+        for factor, column in zip(factors, columns, strict=True):
             force += factor * float(column)
         return force
 
@@ -110,12 +113,12 @@ class Plant:
         """(u and applied forces, friction budget), mean over the interval around t."""
         if not self._varying:
             return u, 0.0
-        channels = Channels(t, u, velocity, position, interval)
+        channels, states = Channels(t, u, velocity, position, interval), self._states
         force, budget = u, 0.0
         for acting in self._applied:
-            force += acting.force(channels, self._states.get(acting.effect.id))
+            force += acting.force(channels, states.get(acting.effect.id) if states else None)
         for acting in self._friction:
-            budget += acting.force(channels, self._states.get(acting.effect.id))
+            budget += acting.force(channels, states.get(acting.effect.id) if states else None)
         return force, max(budget, 0.0)
 
     def _net(self, force: float, budget: float) -> float:
