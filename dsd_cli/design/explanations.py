@@ -111,7 +111,8 @@ def held(
     """An explanation that lacks something nobody can name, with the constant force that this is in the mean of the
     logs: so the axis was held where they were. Elsewhere half of that may come or go, or what is left beside it is for
     long what it was for a moment, as in one valley of a cogging that has no mean: so are the draws. And a plant in
-    which it comes and goes with the place, for a force that stays is held before the axis moves and makes it no faster.
+    which it comes and goes with the place, for a force that stays is held before the axis moves and makes it no faster:
+    with the mean, too, for of a wave longer than the way of the logs that is a part.
 
     unexplained : share of u that what was found leaves beyond the noise. This one lacks that, and what was found; a
     sine goes as far as the root of 2 times its rms.
@@ -120,7 +121,7 @@ def held(
     most = max(_WIDEST * abs(lacks), math.sqrt(2.0) * beside)
     forces = [lacks, *np.linspace(lacks - most, lacks + most, len(one.draws) - 1).tolist()]
     first = replace(one, draws=tuple(_pushed(plant, x) for plant, x in zip(one.draws, forces, strict=True)))
-    return first, _waved(first.fitted, most, search.ranges.travel, start)
+    return first, _waved(first.fitted, math.sqrt(2.0) * math.hypot(lacks, beside), search.ranges.travel, start)
 
 
 def falling(search: Search, one: PlantModel, found: Fit, unexplained: float) -> tuple[PlantModel, ...]:
