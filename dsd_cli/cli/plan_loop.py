@@ -82,15 +82,16 @@ def _without_motion(plan: Plan) -> Plan:
 
 def misled(together: Diagnosis, alone: Diagnosis) -> bool:
     """Whether the logs before the newest hide what it says: alone it names an effect and leaves nothing open; with them
-    something stays open, and they do not say that it is another effect: it is found with them, or tied to what is.
+    something stays open, and they do not say that it is another effect: it is found with them, or tied to what is, or
+    something that nobody has named is likelier than what they name.
 
     A poor log has forces of its own, that no motion of it shows, and a joint fit finds effects for them.
     """
-    from dsd_cli.identify.results import UNKNOWN
+    from dsd_cli.design.targets import nobody_knows
 
     found = [c for c in together.ranking if c.effect in together.found]
     may_be = {*together.found, *(rival for c in found for rival in c.indistinguishable_from)}
-    same = together.verdict == UNKNOWN or alone.verdict in may_be
+    same = nobody_knows(together) or alone.verdict in may_be
     return same and alone.verdict in alone.found and bool(left_open(together)) and not left_open(alone)
 
 

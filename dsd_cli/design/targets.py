@@ -72,7 +72,7 @@ def targets_of(
     for name in wanted:
         _check(name, search)
     made = _Explanations(search, whole)
-    doubtful = diagnosis is not None and (doubted or _unknown(diagnosis))
+    doubtful = diagnosis is not None and (doubted or nobody_knows(diagnosis))
     unknown = doubtful and not wanted
     pairs = made.asked_for(wanted) if wanted or diagnosis is None else made.left_open(diagnosis, unknown)
     names = list(dict.fromkeys(name for pair in pairs for name in pair))[: _MOST + _MOST * unknown]
@@ -102,7 +102,7 @@ def _own(name: str, pairs: Sequence[tuple[str, str]]) -> set[str]:
     return {effect for rival in beside for effect in name.split(" + ") if effect not in rival}
 
 
-def _unknown(diagnosis: Diagnosis) -> bool:
+def nobody_knows(diagnosis: Diagnosis) -> bool:
     """Whether nobody knows what is missing: that something else is left is likelier than any effect that was found."""
     return diagnosis.verdict == UNKNOWN or diagnosis.unexplained.probability > diagnosis.probability
 

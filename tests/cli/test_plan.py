@@ -269,9 +269,12 @@ def test_the_loop_ends_when_nothing_is_left_open(folder: Path) -> None:
     assert len((folder / "runs.txt").read_text().splitlines()) == len(told["experiments"])
 
 
-def _said(verdict: str, *found: str, tied: tuple[str, ...] = ()) -> SimpleNamespace:
+def _said(verdict: str, *found: str, tied: tuple[str, ...] = (), unnamed: float = 0.01) -> SimpleNamespace:
+    """unnamed : probability that something nobody has named is there."""
     ranking = [SimpleNamespace(effect=name, indistinguishable_from=tied) for name in found]
-    return SimpleNamespace(verdict=verdict, found=found, ranking=ranking, whole_values={}, estimates={})
+    said = SimpleNamespace(verdict=verdict, found=found, ranking=ranking, whole_values={}, estimates={})
+    said.probability, said.unexplained = 1.0 - unnamed, SimpleNamespace(probability=unnamed)
+    return said
 
 
 def test_a_log_that_says_all_alone_is_not_hidden_by_a_poor_one() -> None:
@@ -280,6 +283,8 @@ def test_a_log_that_says_all_alone_is_not_hidden_by_a_poor_one() -> None:
     assert misled(_said("unknown"), alone)
     # with all logs it is one of a tie, and the other was taken
     assert misled(_said("stribeck_friction", "stribeck_friction", tied=("coulomb_friction",)), alone)
+    # with all logs another is named, and something that has no name is likelier
+    assert misled(_said("backlash", "backlash", tied=("inertia",), unnamed=0.89), alone)
     # nothing is open; another effect is named; alone it says nothing, or as little
     assert not misled(_said("coulomb_friction", "coulomb_friction"), alone)
     assert not misled(_said("gravity", "gravity", tied=("stiffness",)), alone)
