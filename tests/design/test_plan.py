@@ -105,6 +105,12 @@ def quick(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("dsd_cli.design.plan._DRAWS_SAID", 1)
 
 
+@pytest.fixture
+def motion_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is expected of the motion: enough where its limits are asked for."""
+    monkeypatch.setattr("dsd_cli.design.plan.expected_of", lambda told, *_: told.expected(told.nothing))
+
+
 def test_a_tie_falls(tied: Asked, settling: Plan) -> None:
     (before,) = (c for c in tied.diagnosis.ranking if c.effect == "constant_load")
     assert "gravity" in before.indistinguishable_from
@@ -228,7 +234,7 @@ def test_where_nobody_knows_what_is_missing_the_motion_is_for_the_whole_catalogu
         ("stribeck_friction", "one way", 86028, "enc4096"),
     ],
 )
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("motion_only")
 def test_forces_that_cancel_out_where_a_poor_log_has_been_are_not_planned_for(
     what: str, kind: str, seed: int, sensing: str
 ) -> None:
@@ -258,7 +264,7 @@ def test_forces_that_cancel_out_where_a_poor_log_has_been_are_not_planned_for(
         ("stribeck_friction", "one way", 350068, "enc4096", "constant_load", 0.5),
     ],
 )
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("motion_only")
 def test_limits_hold_with_what_explains_the_poor_log_as_well(
     what: str, kind: str, seed: int, sensing: str, said: str, share: float
 ) -> None:
@@ -295,7 +301,7 @@ def test_limits_hold_with_what_explains_the_poor_log_as_well(
         ("viscous_asymmetry", "small", 360037, "speed40k", (6.14738, 192.4848, 0.25785, (-0.76041, 0.91685))),
     ],
 )
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("motion_only")
 def test_limits_of_half_of_what_a_machine_does_hold(
     what: str, kind: str, seed: int, sensing: str, limits: tuple[float, float, float, tuple[float, float]]
 ) -> None:
@@ -311,7 +317,7 @@ def test_limits_of_half_of_what_a_machine_does_hold(
     assert plan.limits.exceeded(exact.q, exact.v, smooth, exact.u) == {}
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("motion_only")
 def test_limits_below_what_breaks_friction_away_are_refused() -> None:
     """The log reached twice the u of these limits, so that an effect that needs more than they allow is there yet."""
     asked = poor("stribeck_friction", "short", 117058, "speed40k")
@@ -320,7 +326,7 @@ def test_limits_below_what_breaks_friction_away_are_refused() -> None:
         asked.plan(limits={name: (0.5 * low, 0.5 * high) for name, (low, high) in asked.limits.items()})
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("motion_only")
 def test_what_needs_no_more_than_the_logs_reached_is_not_dropped(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
     """Beyond a limit, and within what the log had, every plant may be the axis, whatever the verdict is."""
     explained = likely_plants(tied)
@@ -338,7 +344,7 @@ def test_what_needs_no_more_than_the_logs_reached_is_not_dropped(tied: Asked, mo
             plan_next(tied.search, tied.whole, said, tied.observer, Wanted(limits=limits, seconds=(3.0,)))
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("motion_only")
 def test_other_values_of_what_nobody_believes_make_no_limit_too_narrow(
     tied: Asked, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -360,7 +366,7 @@ def test_other_values_of_what_nobody_believes_make_no_limit_too_narrow(
     assert any("with other likely values of" in warning for warning in plan.warnings)
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("motion_only")
 def test_a_motion_that_no_sensor_shows_is_refused(tied: Asked) -> None:
     with pytest.raises(TooNarrowError, match="no sensor shows it"):
         tied.plan(limits={**tied.limits, "jerk": (0.0, 1e-6)})
@@ -424,7 +430,7 @@ def test_the_plant_of_a_loop_is_late_by_whole_samples_and_swings_as_fast_as_the_
     assert (effect in run[0].model.effects) == kept
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("motion_only")
 def test_with_unknown_the_limits_hold_under_each_effect_that_unseen_blocks_speak_for(
     tied: Asked, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -442,7 +448,7 @@ def test_with_unknown_the_limits_hold_under_each_effect_that_unseen_blocks_speak
     assert run >= {"constant_load", "gravity"}
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("motion_only")
 def test_limits_hold_in_the_motion_as_often_as_it_is_made(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
     """An axis that cogging caught in another valley begins its second turn there: here five times as far."""
 
@@ -611,7 +617,7 @@ def likely_plants(asked: Asked) -> list[PlantModel]:
 
 
 @pytest.mark.parametrize("times", [4.0, 1.05], ids=["beyond the limit", "in what is left to other gains"])
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("motion_only")
 def test_what_no_motion_can_be_planned_for_is_said(tied: Asked, monkeypatch: pytest.MonkeyPatch, times: float) -> None:
     """All that the model has not runs away on any motion: neither the verdict nor an explanation stands."""
     explained = likely_plants(tied)
@@ -631,7 +637,7 @@ def test_what_no_motion_can_be_planned_for_is_said(tied: Asked, monkeypatch: pyt
     assert plan.reached["u"] < plan.limits.u
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("motion_only")
 def test_an_unstable_loop_ends_no_plan_while_nobody_knows_what_is_missing(
     tied: Asked, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -687,7 +693,7 @@ def test_what_stands_beyond_a_limit_before_it_moves_ends_no_plan_for_the_catalog
     assert "no motion keeps the limits with other likely values of the model alone" in plan.warnings
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("motion_only")
 def test_limits_hold_with_the_delay_of_the_model_too(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
     """A slow log may say that there is no delay; loops that nobody described are as slow as the longest one asks: at
     the crossover it turns the phase by half a radian at most."""
@@ -717,7 +723,7 @@ def test_in_doubt_the_delay_is_that_of_the_model(tied: Asked) -> None:
     assert {plant.delay for plant in doubted.draws} == {tied.model.delay}
 
 
-@pytest.mark.usefixtures("quick")
+@pytest.mark.usefixtures("motion_only")
 def test_gains_that_hold_no_plant_are_named(tied: Asked) -> None:
     with pytest.raises(DataError, match=r"unstable \(kp 1e\+06, kd 2e\+06\) with the model alone as the plant"):
         tied.plan(seconds=(3.0,), controller=ControllerSettings("pd", Gains(1e6, 2e6), "error"))
