@@ -57,8 +57,9 @@ def able_to_move(
 ) -> Targets:
     """Without explanations by which u could not even begin to move the axis within its limit, or what it reached in the
     logs, or, where their values are weak, could not hold it where the limits let it stand: forces that cancel out
-    where a poor log has been. And without those whose motor swings against its load more often than samples of the logs
-    show, being next to nothing of the inertia: no log speaks for that, and its simulation takes minutes.
+    where a poor log has been; nor hold it back at the limit of speed: an asymmetry that a crawl leaves open, and of
+    twice the limit of u there. And without those whose motor swings against its load more often than samples of the
+    logs show, being next to nothing of the inertia: no log speaks for that, and its simulation takes minutes.
 
     believed : the model of the user, which takes the place of its own fit where nobody knows what that lacks.
     far : whether the limits let it stand far from where the logs were, and nobody asked for what: one wave of cogging
@@ -76,13 +77,21 @@ def able_to_move(
     def holds(one: Explanation, most: float) -> bool:
         return float(np.abs(command_for(one.fitted, still, 3.0 * most)).max()) < most
 
+    def holds_back(one: Explanation, most: float) -> bool:
+        fast = (replace(still, velocity=np.full(_PLACES, v)) for v in (room.limits.velocity, -room.limits.velocity))
+        return all(float((np.sign(x.velocity) * command_for(one.fitted, x, 3.0 * most)).min()) > -most for x in fast)
+
     def moves(one: Explanation, most: float) -> bool:
         bare = one.fitted.motor_inertia < _NO_MOTOR * one.fitted.inertia
         if bare and Plant(one.fitted).resonance * sample_time > math.pi:
             return False
         u = command_for(one.fitted, path, 3.0 * most)
         passed = actuated(one.fitted, u, path.step).any()  # a dead zone beyond what saturates lets none of it act
-        return bool(passed) and float(np.abs(u).max()) < ROOM * most and (not one.weak or holds(one, most))
+        return (
+            bool(passed)
+            and float(np.abs(u).max()) < ROOM * most
+            and (not one.weak or (holds(one, most) and holds_back(one, most)))
+        )
 
     if far and not holds(targets.explanations[0], reached):
         raise DataError("u could not hold this axis where its limits let it stand", "give narrower --limit position")
