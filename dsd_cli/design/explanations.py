@@ -111,14 +111,13 @@ def held(
     """An explanation that lacks something nobody can name, with the constant force that this is in the mean of the
     logs: so the axis was held where they were. Elsewhere half of that may come or go, or what is left beside it is for
     long what it was for a moment, as in one valley of a cogging that has no mean: so are the draws. And a plant in
-    which it comes and goes with the place, for a force that stays is held before the axis moves and makes it no faster:
-    with the mean, too, for of a wave longer than the way of the logs that is a part.
+    which it comes and goes with the place, and the mean (a part of a long wave) with it, for a force that stays is held
+    before the axis moves and makes it no faster.
 
-    unexplained : share of u that what was found leaves beyond the noise. This one lacks that, and what was found; a
-    sine goes as far as the root of 2 times its rms.
+    unexplained : share of u that what was found leaves beyond the noise. This one lacks that, and what was found.
     """
     lacks, beside = _lacking(search, one.fitted, found, unexplained)
-    most = max(_WIDEST * abs(lacks), math.sqrt(2.0) * beside)
+    most = max(_WIDEST * abs(lacks), math.sqrt(2.0) * beside)  # a sine goes as far as the root of 2 times its rms
     forces = [lacks, *np.linspace(lacks - most, lacks + most, len(one.draws) - 1).tolist()]
     first = replace(one, draws=tuple(_pushed(plant, x) for plant, x in zip(one.draws, forces, strict=True)))
     return first, _waved(first.fitted, math.sqrt(2.0) * math.hypot(lacks, beside), search.ranges.travel, start)

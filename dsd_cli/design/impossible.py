@@ -56,14 +56,13 @@ def able_to_move(
     targets: Targets, room: Room, believed: PlantModel, sample_time: float, *, far: bool = False
 ) -> Targets:
     """Without explanations by which u could not even begin to move the axis within its limit, or what it reached in the
-    logs, or, where their values are weak, could not hold it where the limits let it stand: forces that cancel out
-    where a poor log has been; nor hold it back at the limit of speed: an asymmetry that a crawl leaves open, and of
-    twice the limit of u there. And without those whose motor swings against its load more often than samples of the
-    logs show, being next to nothing of the inertia: no log speaks for that, and its simulation takes minutes.
+    logs, or, where their values are weak, could not hold it where the limits let it stand, nor hold it back at the
+    limit of speed: forces that cancel out where a poor log has been, an asymmetry that a crawl leaves open. And without
+    those whose motor swings against its load more often than samples of the logs show, being next to nothing of the
+    inertia: no log speaks for that, and its simulation takes minutes.
 
-    believed : the model of the user, which takes the place of its own fit where nobody knows what that lacks.
-    far : whether the limits let it stand far from where the logs were, and nobody asked for what: one wave of cogging
-    is a weight of ten times u as well, which would be so elsewhere.
+    believed : the user's model, in the place of its own fit where nobody knows what that lacks.
+    far : whether that is far from where the logs were, and nobody asked for what: a weight there is a cogging as well.
 
     Raises
     ------
@@ -74,12 +73,9 @@ def able_to_move(
     still = Path(1.0, np.linspace(room.limits.low, room.limits.high, _PLACES), np.zeros(_PLACES), np.zeros(_PLACES))
     reached = allowed if room.reached is None else max(allowed, room.reached.u)
 
-    def holds(one: Explanation, most: float) -> bool:
-        return float(np.abs(command_for(one.fitted, still, 3.0 * most)).max()) < most
-
-    def holds_back(one: Explanation, most: float) -> bool:
-        fast = (replace(still, velocity=np.full(_PLACES, v)) for v in (room.limits.velocity, -room.limits.velocity))
-        return all(float((np.sign(x.velocity) * command_for(one.fitted, x, 3.0 * most)).min()) > -most for x in fast)
+    def holds(one: Explanation, most: float, speed: float = 0.0) -> bool:
+        ways = ((way, replace(still, velocity=np.full(_PLACES, way * speed))) for way in (1.0, -1.0))
+        return all(float((way * command_for(one.fitted, there, 3.0 * most)).min()) > -most for way, there in ways)
 
     def moves(one: Explanation, most: float) -> bool:
         bare = one.fitted.motor_inertia < _NO_MOTOR * one.fitted.inertia
@@ -87,21 +83,16 @@ def able_to_move(
             return False
         u = command_for(one.fitted, path, 3.0 * most)
         passed = actuated(one.fitted, u, path.step).any()  # a dead zone beyond what saturates lets none of it act
-        return (
-            bool(passed)
-            and float(np.abs(u).max()) < ROOM * most
-            and (not one.weak or (holds(one, most) and holds_back(one, most)))
-        )
+        held = not one.weak or all(holds(one, most, speed) for speed in (0.0, room.limits.velocity))
+        return bool(passed) and held and float(np.abs(u).max()) < ROOM * most
 
     if far and not holds(targets.explanations[0], reached):
         raise DataError("u could not hold this axis where its limits let it stand", "give narrower --limit position")
-
     able = [moves(e, reached) for e in targets.explanations]
     if not able[0] and targets.unknown:
         first = replace(targets.explanations[0], draws=(believed,), weak=False)
-        targets = replace(
-            targets, explanations=(first, *targets.explanations[1:]), beside=(believed, *targets.beside[1:])
-        )
+        others, beside = targets.explanations[1:], targets.beside[1:]
+        targets = replace(targets, explanations=(first, *others), beside=(believed, *beside))
         able[0] = moves(first, reached)
     if not moves(targets.explanations[0], allowed):
         said = f"u within {allowed:.3g}, its limit less its noise in the logs, does not move this axis"

@@ -23,8 +23,7 @@ _SEED = 20261123
 def as_seen(template: Recording, path: Path, u: Array, rest_speed: float, draw: int = 0) -> Recording | None:
     """The log of that motion at the samples of the template, prepared as every log is: how far its speed is known, and
     where the axis may rest or turn. None where the template had neither position nor speed, or its acceleration by a
-    logged d_hat, or the motion is too short. draw : of the sensor's noise.
-    """
+    logged d_hat, or the motion is too short. draw : of the sensor's noise."""
     if template.sensor.noise.kind == "d_hat":
         return None
     step, random = template.sample_time, np.random.default_rng(_SEED + draw)

@@ -41,6 +41,10 @@ class Search(Evidence):
     #: A search over a part of the rows, which finds candidates for all of them (`long_logs.Judge`).
     excerpt: Search | None = None
 
+    def searched(self, fit: Fit) -> tuple[Search, Fit]:
+        """Where functions without a law are tried: the excerpt with the same set, if there is one, else all rows."""
+        return (self, fit) if self.excerpt is None else (self.excerpt, self.excerpt.fit(fit.terms, fit.tap))
+
     @cached_property
     def refit(self) -> Fit:
         """The model's own effects with all values free."""

@@ -158,8 +158,7 @@ def more_in_other_half(search: Search, fit: Fit) -> float:
     laws = [t for t in search.added(fit.terms) if of_places(t.effect)]
     if not any(t.effect.needs for t in laws) or search.problem.reconstructed(PLACE):
         return 0.0
-    part = search.excerpt or search
-    fit = fit if part is search else part.fit(fit.terms, fit.tap)
+    part, fit = search.searched(fit)
     fits, chance = part.freeform(fit), part.by_chance(part.without(fit, *laws), fit)
     halves, rows = _halves(fits)
     (here, seen), (there, other) = halves

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 
 from dsd_cli.effects import free_name, kind_of
 from dsd_cli.identify.fit.bank import Term
@@ -58,22 +59,18 @@ def diagnose(
 
     Parameters
     ----------
-    recordings : of one rig, fitted together. stability : ask again with half of the data, half and twice the band.
+    recordings : of one rig, fitted together. holdout : recordings that no fit sees; held-out errors are then of those.
     model : what the rig is believed to be; its values are fitted along, its effects stay.
-    holdout : recordings that no fit sees; the held-out errors are then those of them.
-    progress : called with what is being done and the share that is done.
-    on_told : called before the search, if the log is against what the user gave. on_found : with search and whole set.
+    stability : ask again with half of the data, half and twice the band. progress : called with what is being done and
+        the share that is done; on_told : if the log is against what was given; on_found : with search and whole set.
 
     Raises
     ------
     DataError, UsageError : too short, no motion, or a needed channel is missing; recordings of different rates.
     """
     report = progress or (lambda _what, _share: None)
-
-    def ask(mended: Mended, found: Found = on_found) -> Diagnosis:
-        aside = mended.holdout
-        return diagnose(mended.recordings, model, observer, settings, aside, progress, stability, on_told, found)
-
+    given = partial(diagnose, model=model, observer=observer, settings=settings, progress=progress)
+    again = partial(given, stability=stability, on_told=on_told, on_found=on_found)
     report("preparing", 0.0)
     asked, against = prior_check(recordings, model, settings or Settings(), report)
     if against:
@@ -90,17 +87,15 @@ def diagnose(
     whole, first = strongest_first(search, whole)
     limits = limits_of(search, whole, shown.settings, shown.seen or shown.other)
     if limits.idle is not None:
-        mended = limits.idle.taken_off(apart.plain, holdout)
-        return _of_mended(ask(mended), mended)
-    stops, answer = _without_stops(end_stops(search, whole, beyond, apart.plain, holdout), ask, on_found)
+        return _of_mended(limits.idle.taken_off(apart.plain, holdout), again)
+    stops, answer = _without_stops(end_stops(search, whole, beyond, apart.plain, holdout), again, on_found)
     if answer is not None:
         return answer
     members = {} if limits.blocked or shown.seen is not None else memberships(search, whole, beyond.unknown)
     options = [*search.options(search.refit), *first]
     verdict = Verdict(search, options, whole, members, own_values(search, shown), beyond, shown, limits)
     if verdict.rising:  # what raises the error stands in for something else: the search begins again without it
-        asked = task.settings.without([verdict.rising])
-        return diagnose(apart.plain, model, observer, asked, holdout, progress, stability, on_told, on_found)
+        return again(apart.plain, settings=task.settings.without([verdict.rising]), holdout=holdout)
     on_found(search, whole)
     diagnosis = with_levels_said(against_told(verdict.diagnosis(), search, whole, task.settings), search, whole, apart)
     diagnosis = diagnosis if stops is None else stops.beside(diagnosis)
@@ -112,24 +107,25 @@ def diagnose(
 
 
 def _without_stops(
-    stops: EndStops | None, ask: Callable[[Mended, Found], Diagnosis], on_found: Found
+    stops: EndStops | None, again: Callable[..., Diagnosis], on_found: Found
 ) -> tuple[EndStops | None, Diagnosis | None]:
     """(end stops, if all depends on them that depended on the position; the answer without them, if it names anything:
     where nothing else is missing, they are)."""
     if stops is None:
         return None, None
     ends: list[tuple[Search, Fit]] = []
-    answer = ask(stops.mended, lambda *end: ends.append(end))
+    answer = _of_mended(stops.mended, partial(again, on_found=lambda *end: ends.append(end)))
     if not stops.confirmed(*ends[-1]):
         return None, None
     if answer.verdict == NONE:
         return stops, None
     on_found(*ends[-1])
-    return stops, _of_mended(answer, stops.mended)
+    return stops, answer
 
 
-def _of_mended(diagnosis: Diagnosis, mended: Mended) -> Diagnosis:
-    """With what was wrong with the recordings said, and what else was wrong with the mended ones."""
+def _of_mended(mended: Mended, again: Callable[..., Diagnosis]) -> Diagnosis:
+    """The answer of mended recordings, with what was wrong with them said, and what else was wrong."""
+    diagnosis = again(mended.recordings, holdout=mended.holdout)
     last = diagnosis.mended or mended
     said = dict.fromkeys((*mended.said, *last.said))
     return replace(diagnosis, warnings=(*mended.said, *diagnosis.warnings), mended=replace(last, said=tuple(said)))

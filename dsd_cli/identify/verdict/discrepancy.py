@@ -183,8 +183,7 @@ def without_imitations(search: Search, whole: Fit, beyond: Discrepancy) -> tuple
     Together with that gain the others must leave less than the whole set did: an arm whose inertia follows its angle
     looks like a weight and a constant load, but not so well.
     """
-    part = search.excerpt or search
-    fit = whole if part is search else part.fit(whole.terms, whole.tap)
+    part, fit = search.searched(whole)
     if not part.added(fit.terms):
         return whole, beyond
     beside = part.freeform(fit)

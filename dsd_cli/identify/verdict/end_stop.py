@@ -81,36 +81,28 @@ def end_stops(
         return None
     if any(_KIND in r.taken_off for r in recordings):
         return None
-    part = search.excerpt or search
-    touching = _Touching(part, whole if part is search else part.fit(whole.terms, whole.tap))
+    touching = _Touching(*search.searched(whole))
     if not (contacts := touching.contacts()):
         return None
-    place = {c.end: c.place for c in contacts}
-    low, high = place.get(-1, -math.inf), place.get(1, math.inf)
-    several = [[inside(r, low, high, _KIND) for r in each] for each in (recordings, holdout)]
-    left = [tuple(r for r in each if r is not None) for each in several]
-    if sum(map(len, left)) < len(recordings) + len(holdout):
-        return None
     digit = 10.0 ** (math.floor(math.log10(touching.high - touching.low)) - 3)
-    kept = (_inwards(place.get(end, edge + end * digit), digit, end) for end, edge in touching.edges)
-    key = f'--set "signals.position_range=[{", ".join(kept)}]"'
+    place = {-1: touching.low - digit, 1: touching.high + digit} | {c.end: c.place for c in contacts}
+    several = [[inside(r, place[-1], place[1], _KIND) for r in each] for each in (recordings, holdout)]
+    left, aside = (tuple(r for r in each if r is not None) for each in several)
+    if len(left) < len(recordings) or len(aside) < len(holdout):
+        return None
+    kept = ", ".join(f"{end * math.floor(end * place[end] / digit) * digit:.6g}" for end in (-1, 1))  # inwards
+    key = f'--set "signals.position_range=[{kept}]"'
     where = " and ".join(f"{'above' if c.end > 0 else 'below'} {c.place:.4g}" for c in contacts)
     said = f"where the position (rad or m) is {where} something pushes the axis back, and nowhere else"
     told = f"{said}: these rows count as an end stop and are left out. For other commands: {key}"
-    return EndStops(Mended(left[0], left[1], (told,)), said, key, by_position(search, whole))
+    return EndStops(Mended(left, aside, (told,)), said, key, by_position(search, whole))
 
 
 def by_position(search: Search, whole: Fit) -> float:
     """Power that some function of the position takes off what is left, unit of u squared; 0 if none does."""
-    part = search.excerpt or search
-    fit = whole if part is search else part.fit(whole.terms, whole.tap)
+    part, fit = search.searched(whole)
     plain = part.problem.errors.rmse(fit)
     return max(plain**2 - part.freeform(fit).left_of(plain, _POSITION) ** 2, 0.0)
-
-
-def _inwards(place: float, digit: float, end: int) -> str:
-    """Rounded to the digit."""
-    return f"{end * math.floor(end * place / digit) * digit:.6g}"
 
 
 class _Touching:
@@ -123,11 +115,6 @@ class _Touching:
         places = np.concatenate([*self.travels, np.zeros(0)])
         self.low, self.high = (float(places.min()), float(places.max())) if len(places) else (0.0, 0.0)
         self.rows = [self.fits.equations.whitened(x) for x in self.fits.base]
-
-    @property
-    def edges(self) -> tuple[tuple[int, float], tuple[int, float]]:
-        """(end, where the travel ends)."""
-        return (-1, self.low), (1, self.high)
 
     def contacts(self) -> list[Contact]:
         """Those that are there; none where a function of the position explains clearly more."""

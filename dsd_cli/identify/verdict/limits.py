@@ -253,8 +253,8 @@ def in_common(search: Search, whole: Fit) -> float:
     Asked of u by the motion: with its acceleration, the effects that were found and any functions of speed and
     position. Effects can be found for any u; they do not explain it elsewhere.
     """
-    part = search.excerpt or search
-    fits = part.freeform(part.fit(whole.terms, whole.tap))
+    part, fit = search.searched(whole)
+    fits = part.freeform(fit)
     groups = [group for group in (("velocity",), ("position",)) if group in fits.groups()]
     shares = (fits.share_of_u(groups[:count]) for count in range(len(groups), -1, -1))  # a run up is at each place once
     told = max(shares)
