@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache
+from functools import lru_cache
 
 import numpy as np
 
@@ -64,10 +64,10 @@ def verified(
     TooNarrowError : it does what the logs did.
     """
     order = [k for i, k in enumerate(plants) if not any(k[2] == o[2] and plants[k] == plants[o] for o in [*plants][:i])]
-    order.sort(key=lambda k: any(get_effect(name).memory for name in plants[k].effects))  # those that take longer last
+    order.sort(key=lambda k: any(get_effect(name).memory for name in plants[k].effects))  # slow ones last, at first
     wide, lost, unstable, names = parts, list[str](), list[str](), [e.name for e in targets.explanations]
-    last = dict[Key, dict[int, tuple[float, float]]]()
-    run = cache(lambda k, whole: run_loop(plants[k], loops[k[2]], _planned(led, whole, room, loops[0]), allowed))
+    last, loop = dict[Key, dict[int, tuple[float, float]]](), loops[0]
+    run = lru_cache(len(order))(lambda k, x: run_loop(plants[k], loops[k[2]], _planned(led, x, room, loop), allowed))
     for _ in range(_SHRINKS * len(order)):
         runs, why, narrow = dict[Key, Run](), "", set[str]()
         try:  # who broke a limit will most likely do so in the first half

@@ -139,7 +139,7 @@ class Diagnosis:
     advice : what to do next, one sentence each.
     depends_on : channels on which an unknown remainder depends. nearest : the effect that comes nearest to what is
         unknown, or beside "none" to what is left in creeping, though the log does not confirm it; "" if none does.
-    at_stops : most of what is left is from stops and creeping, where it is not judged. blocked : what must be mended
+    at_stops : most of what is left is from stops and creeping, where it is hardly known. blocked : what must be mended
         before anything that is missing can be identified, "" if nothing. stand_ins : effect that was found, or taken
         before -> values for which it may only stand in, because the user gave them otherwise than the log has them.
     held_out : logs that no fit saw; the held-out errors are theirs. noise : rms of r that no smooth function of

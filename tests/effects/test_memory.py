@@ -202,6 +202,10 @@ class TestCompiled:
         )
         np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-9)
         np.testing.assert_allclose(end, end_b, rtol=1e-12, atol=1e-12)
+        state = state or Load(float(rows.position[0]), 0.0, 0.0, T)
+        for row in zip(rows.position[:250].tolist(), rows.velocity.tolist(), interval.tolist(), strict=False):
+            (mean, other), (mean_b, state) = (load_acceleration(*row, coupling, state, x) for x in (COMPILED, None))
+            np.testing.assert_allclose((mean, *other), (mean_b, *state), rtol=1e-12, atol=1e-9)
 
     def test_wrong_lengths_are_refused(self):
         with pytest.raises(ValueError, match="one length"):

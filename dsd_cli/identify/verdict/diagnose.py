@@ -12,6 +12,7 @@ from dataclasses import replace
 from functools import partial
 
 from dsd_cli.effects import free_name, kind_of
+from dsd_cli.errors import DataError
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.direction import tells_by_motion
 from dsd_cli.identify.fit.priors import PriorKnowledge
@@ -111,11 +112,12 @@ def _without_stops(
 ) -> tuple[EndStops | None, Diagnosis | None]:
     """(end stops, if all depends on them that depended on the position; the answer without them, if it names anything:
     where nothing else is missing, they are)."""
-    if stops is None:
-        return None, None
     ends: list[tuple[Search, Fit]] = []
-    answer = _of_mended(stops.mended, partial(again, on_found=lambda *end: ends.append(end)))
-    if not stops.confirmed(*ends[-1]):
+    try:
+        answer = _of_mended(stops.mended, partial(again, on_found=lambda *end: ends.append(end))) if stops else None
+    except DataError:  # too little is left
+        return None, None
+    if stops is None or answer is None or not stops.confirmed(*ends[-1]):
         return None, None
     if answer.verdict == NONE:
         return stops, None

@@ -146,7 +146,7 @@ def borne_out(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Dis
 
 
 def said_of_left(search: Search, fit: Fit) -> tuple[str, ...]:
-    """A warning that what is left is not judged, if it is left at stops, or that it is noise of u."""
+    """A warning where most of what is left is left at stops, or is noise of u."""
     left, elsewhere, errors = search.problem.errors.rmse(fit), left_elsewhere(search, fit), search.problem.errors
     if errors.noise_of_u(fit):
         return (

@@ -75,24 +75,26 @@ def end_stops(
 ) -> EndStops | None:
     """None where the axis does not seem to touch any.
 
-    Not where the position is had from u and d_hat: such a place would be no place in the log.
+    Not where a position is summed up from something else: such a place would be no place in the log.
     """
-    if not beyond.unknown or search.problem.reconstructed("position"):
-        return None
-    if any(_KIND in r.taken_off for r in recordings):
+    every = (*recordings, *holdout)
+    if not beyond.unknown or any(_KIND in r.taken_off or r.provenance.get("position") != "logged" for r in every):
         return None
     touching = _Touching(*search.searched(whole))
     if not (contacts := touching.contacts()):
         return None
-    digit = 10.0 ** (math.floor(math.log10(touching.high - touching.low)) - 3)
-    place = {-1: touching.low - digit, 1: touching.high + digit} | {c.end: c.place for c in contacts}
-    several = [[inside(r, place[-1], place[1], _KIND) for r in each] for each in (recordings, holdout)]
+    place = {c.end: c.place for c in contacts}
+    low, high = place.get(-1, -math.inf), place.get(1, math.inf)
+    several = [[inside(r, low, high, _KIND) for r in each] for each in (recordings, holdout)]
     left, aside = (tuple(r for r in each if r is not None) for each in several)
     if len(left) < len(recordings) or len(aside) < len(holdout):
         return None
-    kept = ", ".join(f"{end * math.floor(end * place[end] / digit) * digit:.6g}" for end in (-1, 1))  # inwards
-    key = f'--set "signals.position_range=[{kept}]"'
-    where = " and ".join(f"{'above' if c.end > 0 else 'below'} {c.place:.4g}" for c in contacts)
+    positions = np.concatenate([piece["position"] for r in every for piece in r.pieces])
+    digits = max(3 - math.floor(math.log10(touching.high - touching.low)), 0)
+    least = math.ceil(max(low, positions.min() - 0.1**digits) * 10**digits) / 10**digits
+    most = math.floor(min(high, positions.max() + 0.1**digits) * 10**digits) / 10**digits
+    key = f'--set "signals.position_range=[{least:.{digits}f}, {most:.{digits}f}]"'
+    where = " and ".join(f"{'above' if c.end > 0 else 'below'} {c.place:.{digits}f}" for c in contacts)
     said = f"where the position (rad or m) is {where} something pushes the axis back, and nowhere else"
     told = f"{said}: these rows count as an end stop and are left out. For other commands: {key}"
     return EndStops(Mended(left, aside, (told,)), said, key, by_position(search, whole))
