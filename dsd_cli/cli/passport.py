@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import Config
     from dsd_cli.files.limits import Limits
-    from dsd_cli.identify.passport import Limit, Passport, Reading, Reference
+    from dsd_cli.passport import Limit, Passport, Reading, Reference
     from dsd_cli.report.passport import Signed
 
 ModelArgument = Annotated[Path, typer.Argument(metavar="CONFIG", help="Config with the model as it was delivered.")]
@@ -122,7 +122,7 @@ def _of_config(config: Config) -> dict[str, Reference]:
     from dsd_cli.cli.recordings import believed_model
     from dsd_cli.cli.versus import fitted_errors
     from dsd_cli.identify.fit.values import flat
-    from dsd_cli.identify.passport import RMSE, Reference
+    from dsd_cli.passport import RMSE, Reference
 
     errors = fitted_errors(config)
     values = flat(believed_model(config))
@@ -139,7 +139,7 @@ def _check_names(limits: Mapping[str, Limit], reference: Mapping[str, Reference]
     """Raises UsageError : a limit on a value that was not delivered, or a share of 0."""
     from dsd_cli.errors import UsageError
     from dsd_cli.files.config.rules import suggestion
-    from dsd_cli.identify.passport import RMSE
+    from dsd_cli.passport import RMSE
 
     for name, limit in limits.items():
         if name == RMSE and name not in reference and not limit.relative and limit.within == float("inf"):
@@ -163,8 +163,8 @@ def _found(
     from dataclasses import replace
 
     from dsd_cli.cli.fleet_tasks import date_in, recorded_date
-    from dsd_cli.identify.passport import RMSE, Passport, Reference, judge, read_values
     from dsd_cli.identify.results import in_units
+    from dsd_cli.passport import RMSE, Passport, Reference, judge, read_values
 
     readings: list[Reading] = []
     for log, recording in zip(logs, given.recordings, strict=True):

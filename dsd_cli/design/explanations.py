@@ -109,10 +109,9 @@ def held(
     search: Search, one: Explanation, found: Fit, unexplained: float, start: float
 ) -> tuple[Explanation, PlantModel]:
     """An explanation that lacks something nobody can name, with the constant force that this is in the mean of the
-    logs: so the axis was held where they were. Elsewhere half of that may come or go, or what is left beside it is for
-    long what it was for a moment, as in one valley of a cogging that has no mean: so are the draws. And a plant in
-    which it comes and goes with the place, and the mean (a part of a long wave) with it, for a force that stays is held
-    before the axis moves and makes it no faster.
+    logs: so the axis was held where they were. Elsewhere half of that may come or go, or what is left beside it stays,
+    as in one valley of a cogging that has no mean: so are the draws. And a plant in which it, and the mean (a part of a
+    long wave), comes and goes with the place: a force that stays makes a held axis no faster.
 
     unexplained : share of u that what was found leaves beyond the noise. This one lacks that, and what was found.
     """
@@ -126,7 +125,7 @@ def held(
 def falling(search: Search, one: PlantModel, found: Fit, unexplained: float) -> tuple[PlantModel, ...]:
     """A plant whose added friction, and constant load, is friction that is gone beyond the top speed of the logs: they
     say nothing of faster motions, and nothing holds one back that is driven on there. Of moves one way a load is that,
-    too; and where it is not known what is missing, all that it lacks."""
+    too, and friction a load, which is a plant as well; and where it is not known what is missing, all that it lacks."""
     frictions = (e for e in catalogue().values() if e.role is Role.FRICTION)
     gone = next(e for e in frictions if [p.name for p in e.parameters if not p.linear] == ["velocity"])
     known, top = search.problem.model.effects, search.ranges.top_speed
@@ -136,7 +135,11 @@ def falling(search: Search, one: PlantModel, found: Fit, unexplained: float) -> 
     rest = replace(one, effects={n: v for n, v in one.effects.items() if n in known or n not in held})
     lacks = math.hypot(*_lacking(search, rest, found, unexplained))
     values = {p.name: lacks if p.linear else top for p in gone.parameters}
-    return (replace(rest, effects={**rest.effects, gone.id: values}),)
+    fallen = (replace(rest, effects={**rest.effects, gone.id: values}),)
+    ways = np.concatenate([s.sign for s in search.equations.stretches])
+    rest = replace(rest, effects={n: known[n] if n in known and n in held else v for n, v in rest.effects.items()})
+    loaded = _pushed(rest, _lacking(search, rest, found, unexplained)[0])
+    return fallen if ways.min() < 0.0 < ways.max() else (*fallen, loaded)
 
 
 def grown(search: Search, one: Explanation, limits: Limits, loop: Loop) -> tuple[PlantModel, ...]:

@@ -55,11 +55,10 @@ def not_by_motion(search: Search, targets: Targets, diagnosis: Diagnosis | None)
 def able_to_move(
     targets: Targets, room: Room, believed: PlantModel, sample_time: float, *, far: bool = False
 ) -> Targets:
-    """Without explanations by which u could not even begin to move the axis within its limit, or what it reached in the
-    logs, or, where their values are weak, could not hold it where the limits let it stand, nor hold it back at the
-    limit of speed: forces that cancel out where a poor log has been, an asymmetry that a crawl leaves open. And without
-    those whose motor swings against its load more often than samples of the logs show, being next to nothing of the
-    inertia: no log speaks for that, and its simulation takes minutes.
+    """Without explanations by which u, within its limit or what it reached in the logs, could not begin to move the
+    axis, or, where their values are weak, not hold it wherever the limits let it stand or pass: forces that cancel out
+    where a poor log has been, an asymmetry that a crawl leaves open. And without those whose motor is next to nothing
+    of the inertia and swings faster than samples show: no log speaks for that, and its simulation takes minutes.
 
     believed : the user's model, in the place of its own fit where nobody knows what that lacks.
     far : whether that is far from where the logs were, and nobody asked for what: a weight there is a cogging as well.

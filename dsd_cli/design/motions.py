@@ -182,12 +182,10 @@ def _fitted(t: Array, places: Array, speeds: Array, dwell: float, room: Room) ->
 def _moves(t: Array, values: Array, room: Room) -> Array:
     """values : way, speed, dwell, number of stops on the way."""
     half = room.half * (0.2 + 0.8 * values[0])
-    stops = 1 + round(3 * float(values[3]))
-    out = np.linspace(0.0, half, stops + 1)
+    out = np.linspace(0.0, half, 2 + round(3 * float(values[3])))
     places = np.concatenate([out, out[-2::-1], -out[1:], -out[-2::-1]])
     speed = ROOM * room.limits.velocity * 10.0 ** (values[1] - 1.0)
-    dwell = 0.02 + 0.4 * values[2] * t[-1] / len(places)
-    return _fitted(t, places, np.full(len(places) - 1, speed), dwell, room)
+    return _fitted(t, places, np.full(len(places) - 1, speed), 0.02 + 0.4 * values[2] * t[-1] / len(places), room)
 
 
 def _stairs(t: Array, values: Array, room: Room) -> Array:

@@ -15,7 +15,7 @@ from dsd_cli.errors import UsageError
 from dsd_cli.files.config import config_text, parse_tables
 from dsd_cli.files.config.fitting import limits_of, named_values
 from dsd_cli.files.config.rules import Place, Section, key, number, read_section, text
-from dsd_cli.identify.passport import RMSE, Limit, Reference
+from dsd_cli.passport import RMSE, Limit, Reference
 
 _WITHIN = 'a share of the value of delivery such as "20 %", or a number in the unit of the value'
 _LIMIT = 'a text with at least one of within, min and max, such as "within 20 %, max 0.3"'

@@ -115,6 +115,8 @@ class Policy:
     nearly_the_same: float = 0.05  # share by which errors of two effects alone may differ; the commoner one is named
     rival_share: float = 0.7  # of the winner's explained power that a rival explains whose lead in nats is uncertain
     rival_deviations: float = 2.5  # standard errors over the blocks below which a lead is uncertain
+    rival_share_in_misfit: float = 0.9  # of the winner's explained power that suffices where something unknown is left
+    changed_for_name: float = 2.0  # factor on the given values, beyond the winner's change, with which it is not named
     rival_error: float = 2.0  # times the winner's error; a rival that leaves more is none
 
     # -- probability --

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from dsd_cli.identify.passport import RMSE, Judged, Passport, Reading, Verdict, change, value_of
+from dsd_cli.passport import RMSE, Judged, Passport, Reading, Verdict, change, value_of
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import plain_table
 from dsd_cli.report.head import head

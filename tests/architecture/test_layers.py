@@ -24,17 +24,20 @@ ALLOWED = {
     "design": {"identify", "plant", "effects", "signals", "errors"},
     "learn": {"identify", "plant", "effects", "signals", "errors"},
     "roles": {"identify", "plant", "effects", "signals", "errors"},
-    "files": {"detect", "design", "identify", "plant", "effects", "signals", "errors"},
+    "passport": {"identify", "plant", "effects", "signals", "errors"},
+    "files": {"detect", "design", "passport", "identify", "plant", "effects", "signals", "errors"},
     "export": {"identify", "plant", "effects", "signals", "errors"},
-    "report": {"export", "detect", "design", "learn", "identify", "plant", "effects", "signals", "errors"},
+    "report": {
+        *("export", "detect", "design", "learn", "passport", "identify", "plant", "effects", "signals", "errors"),
+    },
     "cli": {
-        *("report", "export", "files", "detect", "design", "learn", "roles", "identify"),
+        *("report", "export", "files", "detect", "design", "learn", "roles", "passport", "identify"),
         *("plant", "effects", "signals", "errors"),
     },
     "__main__": {"cli"},
     "__init__": set(),
 }
-COMPUTING = {"errors", "signals", "effects", "plant", "detect", "identify", "design", "learn", "roles"}
+COMPUTING = {"errors", "signals", "effects", "plant", "detect", "identify", "design", "learn", "roles", "passport"}
 HEAVY = {"typer", "click", "rich", "pyarrow", "pydantic", "tomlkit", "matplotlib"}
 
 

@@ -37,7 +37,7 @@ def test_improve_lays_the_candidates_around_the_new_model(rig: Path) -> None:
     suits = re.search(r"detector\.rho = 0\.25 does not suit .* \((\S+) does\): --states mends that", said)
     assert 0.011 < float(suits[1]) < 0.1  # noise and encoder leave 0.011, and viscous friction is missing still
     said = done("improve", LOG, "--auto", "--states", "-o", "new.toml", cwd=rig, effects=FEW).stderr
-    assert "refreshed: states.delays = [0, 0.000767, 0.001998]" in said
+    assert "refreshed: states.delays = [0, 0.000767, 0.001997]" in said
     written = tomllib.loads((rig / "new.toml").read_text())
     assert written["observer"]["nominal_inertia"] == 0.01  # the log has the d_hat of an observer with that one
     assert written["detector"]["initial"] == {"delay": 0.0, "inertia": written["states"]["inertias"][1]}
@@ -79,7 +79,7 @@ def test_a_computed_d_hat_takes_the_new_inertia_for_jn(rig: Path) -> None:
 def test_a_report_detects_with_the_model_at_the_end(rig: Path) -> None:
     done("report", LOG, "-o", "r.html", "-q", cwd=rig, effects=FEW)
     page = (rig / "r.html").read_text(encoding="utf-8")
-    assert "Detected with the model at the end, inertia 0.01, delay 0.001998 s, with coulomb_friction and" in page
+    assert "Detected with the model at the end, inertia 0.01, delay 0.001997 s, with coulomb_friction and" in page
     (right,) = re.findall(r"The log knows the truth: ([0-9.]+) % of the labels are right", page)
     assert float(right) > 90.0
 

@@ -12,10 +12,10 @@ from dsd_cli.identify.policy import POLICY
 LENGTHS = st.lists(st.integers(1, 400), min_size=1, max_size=4)
 
 
-def _laid(lengths, gap, shortest=0):
+def _laid(lengths, gap):
     """Too short to be laid is another example: hypothesis counts those, and fails if they are too many."""
     try:
-        return lay_blocks(lengths, gap, "log.csv", shortest)
+        return lay_blocks(lengths, gap, "log.csv")
     except DataError:
         reject()
 
@@ -75,16 +75,11 @@ def test_folds_take_turns_and_every_block_is_held_out_once(lengths, gap):
 
 
 def test_rows_of_another_stretch_are_no_neighbours():
-    blocks = lay_blocks([60, 60], 20, "log.csv", shortest=60)
-    assert blocks.count == 2
-    np.testing.assert_array_equal(blocks.fitted(0), [0, 0, 0, 1, 1, 1])
-    np.testing.assert_array_equal(blocks.fitted(1), [1, 1, 1, 0, 0, 0])
-
-
-def test_shortest_holds_blocks_up():
-    long = lay_blocks([1000], 5, "log.csv", shortest=250)
-    assert long.count == 4
-    assert np.bincount(long.block_of_rows()).min() >= 250
+    count = POLICY.folds
+    blocks = lay_blocks([40] * count, 20, "log.csv")
+    assert blocks.count == count
+    for fold in range(count):
+        np.testing.assert_array_equal(blocks.fitted(fold), np.repeat(np.arange(count) != fold, 3))
 
 
 @pytest.mark.parametrize(("lengths", "gap"), [([59], 10), ([1], 1), ([20, 20], 10), ([100], 100)])

@@ -82,12 +82,6 @@ def test_residuals_are_those_of_the_forward_form_and_nothing_where_friction_may_
     assert not problem.errors.residual(fit)[~kept].any()
 
 
-def test_the_models_of_the_folds_are_not_the_same(problem, fit):
-    folds = problem.blocks.folds
-    assert folds >= 3
-    assert len({problem.scale.model(fit, fold).effects["coulomb_friction"]["level"] for fold in range(folds)}) == folds
-
-
 def test_held_out_recordings_are_the_judges_when_there_are_any(recordings, problem, fit):
     other = recorded(HIDDEN, seed=9, duration=4.0)
     judged = pose(recordings, KNOWN, Settings(effects=()), [other])

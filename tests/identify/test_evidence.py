@@ -16,6 +16,7 @@ from dsd_cli.identify.verdict import probability
 from dsd_cli.identify.verdict.belief import belief_by_squares, shared_belief
 from dsd_cli.identify.verdict.probability import (
     NOTHING,
+    _changed,
     membership,
     probabilities,
 )
@@ -162,7 +163,7 @@ def test_members_of_the_truth_are_found_and_sure(search):
     search, whole = search
     assert {t.id for t in whole.terms} >= {"coulomb_friction", "gravity"}
     for name in ("coulomb_friction", "gravity"):
-        found = membership(search, whole, name)
+        found = membership(search, whole, name, misfit=False)
         assert found.effect == name
         assert sum(found.probabilities.values()) == pytest.approx(1.0)
         assert found.probabilities[name] > 0.9
@@ -179,11 +180,11 @@ def test_an_effect_that_explains_much_less_is_no_rival_however_uncertain_the_lea
     (spring,) = [o for o in loud.options(rest) if o.effect == "stiffness"]
     assert spring.evidence > loud.evidence(rest)
     assert not loud.matters(spring.fit, whole)
-    assert membership(loud, whole, "gravity").rivals == ()
+    assert membership(loud, whole, "gravity", misfit=False).rivals == ()
     monkeypatch.setattr(probability, "POLICY", replace(POLICY, rival_error=100.0))
-    assert membership(loud, whole, "gravity").rivals == ()
+    assert membership(loud, whole, "gravity", misfit=False).rivals == ()
     monkeypatch.setattr(probability, "POLICY", replace(POLICY, rival_error=100.0, rival_share=0.5))
-    assert membership(loud, whole, "gravity").rivals == ("stiffness",)
+    assert membership(loud, whole, "gravity", misfit=False).rivals == ("stiffness",)
 
 
 def test_an_effect_that_explains_as_much_is_a_rival_where_the_model_misfits():
@@ -192,7 +193,9 @@ def test_an_effect_that_explains_as_much_is_a_rival_where_the_model_misfits():
     hidden = {"stiffness": {"coefficient": 0.4}, "viscous_friction": {"coefficient": 0.01}}
     search = posed(hidden, ("stiffness", "gravity", "cogging"), reference=small)
     whole = search.fit((Term("stiffness"),), search.refit.tap)
-    assert "gravity" in membership(search, whole, "stiffness").rivals
+    found = membership(search, whole, "stiffness", misfit=True)
+    assert "gravity" in found.rivals
+    assert "gravity" in found.alike
 
 
 def test_a_nat_is_worth_as_many_squares_as_the_noise_is_loud_and_dependent(search):
@@ -254,3 +257,14 @@ def test_effects_of_the_model_cost_nothing(search):
     knowing = posed({}, ("gravity",), believed, duration=4.0)
     assert knowing.price(knowing.base) == 0.0
     assert search.price(whole.terms) > search.price(search.refit.terms) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("told", "hidden", "changed"), [(0.3, 0.3, 0.0), (0.1, 0.3, math.log(3.0)), (0.3, -0.3, math.inf)]
+)
+def test_what_a_fit_changes_of_what_the_model_told(told, hidden, changed):
+    """A force that a fit takes away or turns round is changed more than by any factor."""
+    model = replace(BELIEVED, effects={"constant_load": {"force": told}})
+    search = posed({"constant_load": {"force": hidden}}, (), model)
+    found = _changed(search, search.refit)
+    assert found == changed if math.isinf(changed) else found == pytest.approx(changed, abs=0.1)

@@ -142,7 +142,6 @@ def test_a_pair_of_columns_and_a_load_may_have_any_sign():
     assert fit.widths == (1, 2)
     np.testing.assert_array_equal(fit.coefficients(LOAD), fit.total[2:3])
     np.testing.assert_array_equal(fit.coefficients(GRAVITY), fit.total[3:5])
-    np.testing.assert_array_equal(fit.coefficients(GRAVITY, fold=2), fit.folds[2, 3:5])
 
 
 def test_the_two_forms_bracket_the_inertia():

@@ -47,7 +47,7 @@ class Verdict:
     ) -> None:
         self.search, self.problem, self.seen, self.shown = search, search.problem, shown.seen, shown
         self.options, self.whole, self.members, self.own = options, whole, members, own
-        self.limits = limits
+        self.limits, self._named_for = limits, dict[str, str]()
         self.named_part, self.beyond = without_imitating(search, whole, members, beyond)
         self.surest, self.alone = surest_of(search, whole, limits), {o.effect: o for o in options}
         for one in self._members_alone():
@@ -98,19 +98,23 @@ class Verdict:
         """(verdict, probability) where effects were found: the one that is worth most."""
         best, rmse = self._first(), self.problem.errors.rmse
         member = self.members[best]
-        if not self._lowers(best) or self._weightless(self.whole):
+        group = [name for name in (best, *member.alike) if self._lowers(name)]
+        if not group or self._weightless(self.whole):
             self.rising = best if self._explains(best) else ""
             return self._unknown()
         begun = before_climb(self.search, self.whole, self.beyond, self.shown.settings, best)
         known = self._share_of_possible(rmse(begun), rmse(self.whole))
-        doubtful = self.beyond.of_channels(best) or needs_acceleration(best)
-        belief = probability_of(member, member.belief(best), self.surest)
+        named = min(group, key=lambda name: get_effect(name).rarity)
+        doubtful = self.beyond.of_channels(best) or needs_acceleration(named)
+        belief = max(member.probabilities.get(named, 0.0), member.place / (1 + len(member.rivals)))
+        belief = probability_of(member, belief, self.surest)
         more = unexplained_of(self.search, self.named_part, self.beyond).probability
         first, before = begun is self.search.refit, math.exp(-POLICY.effect_price)  # a set that is taken is taken whole
         if member.imitates or (doubtful and known < POLICY.share_of_possible) or (first and belief < min(more, before)):
             self.doubted = best
             return self._unknown()
-        return best, belief
+        self._named_for[named] = best
+        return named, belief
 
     def _first(self) -> str:
         """The one worth most alone of those that, or what ties with them, are rather there; of near ones a commoner."""
@@ -273,7 +277,9 @@ class Verdict:
         """Effects that these recordings cannot distinguish from it."""
         if self.seen is not None:
             return self.seen.rivals if effect == self.seen.effect else ()
-        return self.members[effect].rivals if effect in self.members else ()
+        member = self._named_for.get(effect, effect)
+        found = self.members[member].rivals if member in self.members else ()
+        return (*([member] if member != effect else []), *(r for r in found if r != effect))
 
     def _probability(self, effect: str) -> float:
         if effect == self.named:

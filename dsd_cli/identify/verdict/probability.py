@@ -34,8 +34,9 @@ NOTHING = ""
 class Membership:
     """An effect of the found set against every effect that could replace it.
 
-    probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well.
-    there : belief that it, or what takes its place, acts beside any law without a name.
+    probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well;
+    alike : those of them whose likelihood is less, but by no more than the model misfits anyway, and that change what
+    the model had given as little. there : belief that it, or what takes its place, acts beside any law without a name.
     imitates : with others it does what some force of the position does, and not in the other half of the travel.
     surest : no verdict on it may be surer.
     """
@@ -43,6 +44,7 @@ class Membership:
     effect: str
     probabilities: Mapping[str, float]
     rivals: tuple[str, ...]
+    alike: tuple[str, ...] = ()
     there: float = 1.0
     imitates: bool = False
     surest: float = 1.0
@@ -62,10 +64,11 @@ class Membership:
 
 def memberships(search: Search, whole: Fit, unknown: bool) -> dict[str, Membership]:
     """Of each effect that was found; `unknown` : something remains that nothing explains."""
+    misfit = unknown or search.problem.reconstructed("velocity")
     laws = UnnamedLaws(search, whole, unknown or above_floor(search, whole))
     there = {t: laws.belief(t, search.without(whole, t)) for t in search.added(whole.terms)}
     return {
-        t.id: replace(membership(search, whole, t.id), there=likely, imitates=laws.imitates(t, likely))
+        t.id: replace(membership(search, whole, t.id, misfit), there=likely, imitates=laws.imitates(t, likely))
         for t, likely in there.items()
     }
 
@@ -81,8 +84,12 @@ def without_imitating(
     return search.without(whole, *alike), replace(beyond, on=(PLACE,), unknown=True)
 
 
-def membership(search: Search, whole: Fit, effect_id: str) -> Membership:
-    """Take one effect out of the found set and try every other effect instead of it."""
+def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Membership:
+    """Take one effect out of the found set and try every other effect instead of it.
+
+    misfit : something unknown remains: then a lead in likelihood may come from that, and an effect that explains
+        nearly as much is a tie.
+    """
     plain = search.problem.errors
     member = next(t for t in whole.terms if t.id == effect_id)
     rest = search.without(whole, member)
@@ -105,17 +112,21 @@ def membership(search: Search, whole: Fit, effect_id: str) -> Membership:
         spread = float(np.std(lead, ddof=1)) * math.sqrt(len(lead))
         return float(lead.sum()) < POLICY.rival_deviations * spread or not search.matters(option.fit, whole)
 
+    as_well = [o for o in options if misfit and share(o) > POLICY.rival_share_in_misfit and may_be(o)]
+    as_told = _changed(search, whole) + math.log(POLICY.changed_for_name)
+    named = (o for o in as_well if _changed(search, o.fit) <= as_told and not get_effect(o.effect).of_time)
     # a speed that wanders turns friction round: that looks like a push
     as_push = member.effect.listed and has_friction(whole.terms) and search.problem.reconstructed("velocity")
     afloat = _of_position(effect_id) and search.problem.reconstructed("position")
     at_place = [o for o in options if afloat and _of_position(o.effect)]
-    found = dict.fromkeys(o.effect for o in (*filter(rivals, options), *at_place))
+    found = dict.fromkeys(o.effect for o in (*as_well, *filter(rivals, options), *at_place))
     estimates = search.problem.values(whole).estimates
     surest = POLICY.even if as_push or afloat or not is_told(effect_id, estimates) else 1.0
     return Membership(
         effect_id,
         probabilities(search, rest, [own, *options]),
         tuple(found),
+        tuple(o.effect for o in named),
         surest=surest,
     )
 
@@ -129,6 +140,21 @@ def is_told(effect_id: str, estimates: Estimates) -> bool:
     known = [e for name in own if (e := estimates.get(f"{effect_id}.{name}")) is not None]
     every = any if effect.role is Role.STRUCTURE else all
     return not known or every(e.held or abs(e.value) > POLICY.told_deviations * e.std_error for e in known)
+
+
+def _changed(search: Search, fit: Fit) -> float:
+    """The largest |log| of the factors by which a fit changes the sizes of the model's effects, infinite where
+    it takes a force away or turns it round: with a spring in place of a cubic one, a known weight would have to be six
+    times what it was believed to be."""
+    given, found = search.problem.model.effects, search.problem.scale.model(fit).effects
+    sizes = [
+        (values[p.name], found[name][p.name])
+        for name, values in given.items()
+        if name in found
+        for p in get_effect(name).parameters
+        if p.linear and not p.listed and not p.whole_turn and p.name in values
+    ]
+    return max((abs(math.log(now / was)) if now * was > 0.0 else math.inf for was, now in sizes if was), default=0.0)
 
 
 def _of_position(effect_id: str) -> bool:
