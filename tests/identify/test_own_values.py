@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import DELAY, INERTIA
 from dsd_cli.identify.search.sets import Search
@@ -143,3 +144,19 @@ def test_the_zero_of_a_reconstructed_position_is_nothing_against_the_model(facto
     found = diagnose([prepare(Log(log.channels, log.sample_time, "log"), observer)], model, observer)
     assert found.verdict == verdict
     assert any("gravity.phase: the position was put together from u and d_hat" in w for w in found.warnings)
+
+
+@pytest.mark.parametrize("back", [False, True], ids=["one way", "to and fro"])
+def test_of_moves_one_way_another_load_is_friction_as_well(back):
+    """u = J a + F: with the load of the model as given, friction makes up for the rest, unless the axis goes back."""
+    rng, t = np.random.default_rng(12), 0.002 * np.arange(4000)
+    speed = 2.0 * (0.0 if back else 1.0) + 0.7 * np.sin(2.3 * t) + 0.6 * np.sin(7.1 * t + 1.0)
+    force = 0.05 * np.gradient(speed, t) + 0.5
+    log = Log({"t": t, "u": force + 1e-3 * rng.normal(size=4000), "velocity": speed}, 0.002, "log", u_hold="sampled")
+    model, observer = PlantModel(0.05, 0.0, {"constant_load": {"force": -0.2}}), ObserverSettings(0.05, 0.01)
+    asked = Settings(effects=("coulomb_friction", "viscous_friction", "quadratic_drag"))
+    found = diagnose([prepare(log, observer)], model, observer, asked)
+    named = next(c for c in found.ranking if c.effect == found.verdict)
+    assert found.verdict == "constant_load"
+    assert ("coulomb_friction" in named.indistinguishable_from) != back
+    assert (found.probability > 0.9) == back

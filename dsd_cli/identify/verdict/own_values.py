@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from dsd_cli.effects import delays_command, get_effect
 from dsd_cli.identify.fit.bank import Term, has_friction
 from dsd_cli.identify.fit.row_weights import many_sure
+from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.fit.values import LEAST_INERTIA, flat, terms_of, units_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
@@ -97,7 +98,10 @@ def _fitted_values(search: Search) -> ParameterCheck:
     if wrong == DELAY and 2.0 * abs(values[DELAY].value - believed.delay) < (step := problem.equations.sample_time):
         sure_of_it, said = min(sure_of_it, POLICY.even), (*said, HALF_A_SAMPLE.format(500.0 * step))
     if wrong not in (INERTIA, DELAY):
-        candidates = (_all_of_an_effect(search, wrong, score, refitted), *candidates)
+        others = _instead_of(search, wrong)
+        sure_of_it /= 1 + len(others)
+        own = _all_of_an_effect(search, wrong, score, refitted)
+        candidates = (replace(own, indistinguishable_from=others), *candidates)
     candidates = tuple(replace(c, probability=sure_of_it if c.effect == wrong else 0.0) for c in candidates)
     return ParameterCheck(score, refitted, candidates, wrong, sure_of_it, said)
 
@@ -145,6 +149,17 @@ def _explains_the_delay(search: Search, effect: str) -> bool:
     found, _ = refined(search, (*search.base, term), len(search.base), tap)
     least = min(least, *(search.solver.squares(found, n, keep=False) for n in taps))
     return (least - search.refit.squares) / search.noise.nats < POLICY.least_gain
+
+
+def _instead_of(search: Search, effect: str) -> tuple[str, ...]:
+    """Effects that, with the values of one of the model as given, explain the recordings as well as others of it do: of
+    moves one way a load that is another, and friction that is missing."""
+    problem, old = search.problem, search.solver
+    known = old.known.holding_effects(problem.model, [effect])
+    solver = Solver(old.bank, old.blocks, old.inertia, known, old.variance, inverse=old.inverse)
+    held = Search(replace(problem, solver=solver))
+    least = search.refit.squares + POLICY.least_gain * search.noise.nats
+    return tuple(o.effect for o in held.options(held.refit) if o.fit.squares < least)
 
 
 def _deviations(believed: PlantModel, values: dict[str, Estimate], between: float) -> list[tuple[str, float]]:
