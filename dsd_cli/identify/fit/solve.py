@@ -114,6 +114,10 @@ class Solver:
         """The same on other rows."""
         return Solver(bank, blocks or self.blocks, self.inertia, self.known, variance, inverse=self.inverse)
 
+    def knowing(self, known: PriorKnowledge) -> Solver:
+        """The same, with that known in place of what was."""
+        return Solver(self.bank, self.blocks, self.inertia, known, self.variance, inverse=self.inverse)
+
     def squares(self, terms: Terms, tap: int, keep: bool = True) -> float:
         """Sum of squared residuals of the form that is evidence, fitted to all rows at this whole-step delay.
 

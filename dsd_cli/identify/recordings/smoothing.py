@@ -26,6 +26,12 @@ from dsd_cli.signals.encoder import encoder_step
 from dsd_cli.signals.log import Array, Log
 from dsd_cli.signals.spread import rms, robust_deviation
 
+#: Mean of a smooth signal over the interval between the inner two of four samples (exact for cubics).
+MEAN_OF_FOUR = np.array([-1.0, 13.0, 13.0, -1.0]) / 24.0
+#: u as it was sampled: what the maker of a logged d_hat has put into it.
+SAMPLED_U = "sampled_u"
+#: Seed of the white noise that is interpolated as the channels are.
+_SEED = 20261122
 #: Half widths that are tried, samples; 0 leaves the channel as it is.
 HALF_WIDTHS = (0, 2, 3, 4, 6, 8, 11, 15, 20, 28)
 #: Steps of the stamps that differ by less than this share are a regular clock, rounded when printed.
@@ -207,14 +213,6 @@ def _weights(half: int, derivative: int) -> Array:
 def _kept(half: int) -> float:
     """Share of white noise that a smoothing of this width takes out, as rms."""
     return float(np.sqrt(max(1.0 - _weights(half, 0)[half], 0.0)))
-
-
-#: Mean of a smooth signal over the interval between the inner two of four samples (exact for cubics).
-MEAN_OF_FOUR = np.array([-1.0, 13.0, 13.0, -1.0]) / 24.0
-#: u as it was sampled: what the maker of a logged d_hat has put into it.
-SAMPLED_U = "sampled_u"
-#: Seed of the white noise that is interpolated as the channels are.
-_SEED = 20261122
 
 
 def regularised(piece: Log) -> Log:

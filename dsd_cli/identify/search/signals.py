@@ -18,12 +18,11 @@ from numpy.typing import NDArray
 from dsd_cli.effects import Role
 from dsd_cli.effects.memory import one_pole
 from dsd_cli.identify.fit.bank import INERTIA, SHARE, drive, has_friction, inputs_of, of_single_logs, raw_columns
-from dsd_cli.identify.fit.row_weights import inflation, linear_prediction
+from dsd_cli.identify.fit.row_weights import autocorrelation, inflation, linear_prediction
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.stretches import Stretch
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array
-from dsd_cli.signals.windows import smooth_size
 
 #: s that a response needs to forget what was before a stretch, and the share of a stretch that it may take at most.
 _FORGOTTEN, _MOST_FORGOTTEN = 0.3, 0.2
@@ -188,10 +187,8 @@ def innovations(rest: Array, step: float) -> Callable[[Array], Array]:
 
 def _taps(rest: Array, order: int) -> Array:
     """Of the filter that predicts, with 1 in front."""
-    power = np.abs(np.fft.rfft(rest, smooth_size(2 * len(rest)))) ** 2
-    correlation = np.fft.irfft(power)[: order + 1]
-    correlation[1:] /= max((1.0 + _RIDGE) * float(correlation[0]), 1e-300)
-    correlation[0] = 1.0
+    correlation = autocorrelation(rest, order + 1)
+    correlation[1:] /= 1.0 + _RIDGE
     return np.append(1.0, -linear_prediction(correlation)[0])
 
 

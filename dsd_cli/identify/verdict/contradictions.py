@@ -11,7 +11,7 @@ from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.direction import best_delay
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import Problem
-from dsd_cli.identify.fit.solve import Fit, Solver
+from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, UNKNOWN, Diagnosis, Estimate, Estimates, LogLevels
@@ -248,5 +248,4 @@ def _told_otherwise(
 
 def freed(problem: Problem) -> Problem:
     """The same problem without any prior, bound or held value."""
-    solver = problem.solver
-    return replace(problem, solver=Solver(solver.bank, solver.blocks, solver.inertia, inverse=solver.inverse))
+    return replace(problem, solver=problem.solver.knowing(PriorKnowledge()))

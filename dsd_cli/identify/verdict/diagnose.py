@@ -112,12 +112,14 @@ def _without_stops(
 ) -> tuple[EndStops | None, Diagnosis | None]:
     """(end stops, if all depends on them that depended on the position; the answer without them, if it names anything:
     where nothing else is missing, they are)."""
+    if stops is None:
+        return None, None
     ends: list[tuple[Search, Fit]] = []
     try:
-        answer = _of_mended(stops.mended, partial(again, on_found=lambda *end: ends.append(end))) if stops else None
+        answer = _of_mended(stops.mended, partial(again, on_found=lambda *end: ends.append(end)))
     except DataError:  # too little is left
         return None, None
-    if stops is None or answer is None or not stops.confirmed(*ends[-1]):
+    if not stops.confirmed(*ends[-1]):
         return None, None
     if answer.verdict == NONE:
         return stops, None

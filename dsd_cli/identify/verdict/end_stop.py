@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -54,7 +55,7 @@ class Contact:
 @dataclass(frozen=True)
 class EndStops:
     """mended : the logs without the rows in which the axis touches them. said : where. key : what leaves them out.
-    before : what depends on the position with them, see `by_position`."""
+    before : what depends on the position with them, see `_Touching.by_position`."""
 
     mended: Mended
     said: str
@@ -63,7 +64,7 @@ class EndStops:
 
     def confirmed(self, search: Search, whole: Fit) -> bool:
         """Whether nothing depends on the position any more, to what was found without those rows."""
-        return by_position(search, whole) < _LEFT * self.before
+        return _Touching(*search.searched(whole)).by_position() < _LEFT * self.before
 
     def beside(self, diagnosis: Diagnosis) -> Diagnosis:
         """An answer from all rows, in which nothing but the stops is missing, with the advice to leave them out."""
@@ -97,14 +98,7 @@ def end_stops(
     where = " and ".join(f"{'above' if c.end > 0 else 'below'} {c.place:.{digits}f}" for c in contacts)
     said = f"where the position (rad or m) is {where} something pushes the axis back, and nowhere else"
     told = f"{said}: these rows count as an end stop and are left out. For other commands: {key}"
-    return EndStops(Mended(left, aside, (told,)), said, key, by_position(search, whole))
-
-
-def by_position(search: Search, whole: Fit) -> float:
-    """Power that some function of the position takes off what is left, unit of u squared; 0 if none does."""
-    part, fit = search.searched(whole)
-    plain = part.problem.errors.rmse(fit)
-    return max(plain**2 - part.freeform(fit).left_of(plain, _POSITION) ** 2, 0.0)
+    return EndStops(Mended(left, aside, (told,)), said, key, touching.by_position())
 
 
 class _Touching:
@@ -112,11 +106,19 @@ class _Touching:
 
     def __init__(self, search: Search, fit: Fit) -> None:
         self.fits: FreeformFits = search.freeform(fit)
-        self.nats = search.noise.nats
+        self.nats, self.rmse = search.noise.nats, search.problem.errors.rmse(fit)
         self.travels = [piece.values["position"] for piece in self.fits.pieces if "position" in piece.values]
         places = np.concatenate([*self.travels, np.zeros(0)])
         self.low, self.high = (float(places.min()), float(places.max())) if len(places) else (0.0, 0.0)
-        self.rows = [self.fits.equations.whitened(x) for x in self.fits.base]
+
+    @cached_property
+    def rows(self) -> list[Array]:
+        """What is explained, and what explains it, whitened."""
+        return [self.fits.equations.whitened(x) for x in self.fits.base]
+
+    def by_position(self) -> float:
+        """Power that some function of the position takes off what is left, unit of u squared; 0 if none does."""
+        return max(self.rmse**2 - self.fits.left_of(self.rmse, _POSITION) ** 2, 0.0)
 
     def contacts(self) -> list[Contact]:
         """Those that are there; none where a function of the position explains clearly more."""

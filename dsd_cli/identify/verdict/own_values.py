@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 from dsd_cli.effects import delays_command, get_effect
 from dsd_cli.identify.fit.bank import Term, has_friction
 from dsd_cli.identify.fit.row_weights import many_sure
-from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.fit.values import LEAST_INERTIA, flat, terms_of, units_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
@@ -154,10 +153,9 @@ def _explains_the_delay(search: Search, effect: str) -> bool:
 def _instead_of(search: Search, effect: str) -> tuple[str, ...]:
     """Effects that, with the values of one of the model as given, explain the recordings as well as others of it do: of
     moves one way a load that is another, and friction that is missing."""
-    problem, old = search.problem, search.solver
-    known = old.known.holding_effects(problem.model, [effect])
-    solver = Solver(old.bank, old.blocks, old.inertia, known, old.variance, inverse=old.inverse)
-    held = Search(replace(problem, solver=solver))
+    problem, solver = search.problem, search.solver
+    known = solver.known.holding_effects(problem.model, [effect])
+    held = Search(replace(problem, solver=solver.knowing(known)))
     least = search.refit.squares + POLICY.least_gain * search.noise.nats
     return tuple(o.effect for o in held.options(held.refit) if o.fit.squares < least)
 
