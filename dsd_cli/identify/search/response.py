@@ -15,7 +15,7 @@ import numpy as np
 from dsd_cli.effects import Role
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.search.contact_play import seen_by_contacts
+from dsd_cli.identify.search.contact_play import same_play, seen_by_contacts
 from dsd_cli.identify.search.modes import Modes
 from dsd_cli.identify.search.play import LATE, Play
 from dsd_cli.identify.search.seen import COUPLING, PLAY, Seen, is_a_load
@@ -68,10 +68,20 @@ def response_of(search: Search, whole: Fit, asked: Sequence[str], doubtful: bool
     if PLAY in asked and (doubtful or PLAY in search.problem.model.effects):
         touching = seen_by_contacts(search.excerpt or search)
         if touching is not None:
-            return Response(touching)
+            return Response(_predicted(found, touching))
     if look is None or found is None or found.seen is not None:
         return found
     return replace(found, line_hz=_steady_line(search, look))
+
+
+def _predicted(found: Response | None, touching: Seen) -> Seen:
+    """The play that contacts show, with the values of a simulation that shows the same one: it predicts impacts."""
+    seen = found.seen if found is not None else None
+    if seen is None or seen.effect != touching.effect:
+        return touching
+    values = {name: value for name, (value, _) in seen.values.items()}
+    there = touching.model.changed(None, None, {PLAY: values})
+    return replace(touching, values=seen.values, model=there) if same_play(values, touching) else touching
 
 
 @dataclass(frozen=True)
