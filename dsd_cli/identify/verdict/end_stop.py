@@ -95,7 +95,7 @@ def end_stops(
     least = math.ceil(max(low, positions.min() - 0.1**digits) * 10**digits) / 10**digits
     most = math.floor(min(high, positions.max() + 0.1**digits) * 10**digits) / 10**digits
     key = f'--set "signals.position_range=[{least:.{digits}f}, {most:.{digits}f}]"'
-    where = " and ".join(f"{'above' if c.end > 0 else 'below'} {c.place:.{digits}f}" for c in contacts)
+    where = " or ".join(f"{'above' if c.end > 0 else 'below'} {c.place:.{digits}f}" for c in contacts)
     said = f"where the position (rad or m) is {where} something pushes the axis back, and nowhere else"
     told = f"{said}: these rows count as an end stop and are left out. For other commands: {key}"
     return EndStops(Mended(left, aside, (told,)), said, key, touching.by_position())
