@@ -203,9 +203,7 @@ def test_noise_of_any_spectrum_becomes_white():
 def test_noise_that_has_other_tones_from_moment_to_moment_becomes_white():
     """As an encoder's error at one constant speed after the other; one filter for all would leave 0.2 and more."""
     rng, size = np.random.default_rng(6), 5000
-    moments = [
-        lfilter([1.0], [1.0, -1.8 * math.cos(w), 0.81], rng.standard_normal(size)) for w in (0.4, 1.1, 1.9, 2.6)
-    ]
+    moments = [lfilter([1.0], [1.0, -1.8 * math.cos(w), 0.81], rng.standard_normal(size)) for w in (0.4, 1.1, 1.9, 2.6)]
     tones = np.concatenate(moments)
     white = innovations(tones, 1e-3)(tones)
     for moment in np.split(white[-3 * size :], 3):
