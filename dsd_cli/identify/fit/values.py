@@ -215,10 +215,19 @@ def _estimate(
     error = known.seen.get(name, error)
     if name in known.fixed and name not in known.seen:
         return Estimate(value, 0.0, unit, held=True, grade="held")
-    size = 1.0 if unit == "rad" else abs(value)
+    return known_to(Estimate(value, error, unit, at_bound), name, error, sample_time)
+
+
+def known_to(one: Estimate, name: str, error: float, sample_time: float) -> Estimate:
+    """An estimate that has this standard error, unless it is held or has none."""
+    if one.held or math.isnan(one.std_error):
+        return one
+    size = 1.0 if one.unit == "rad" else abs(one.value)
     by_error = grade(size, error, sample_time if name == DELAY else math.nan)
-    judged = not at_bound or (name == DELAY and value == 0.0)  # no delay is less than 0: not a bound of the user
-    return Estimate(value, _told(value, error), unit, at_bound, grade=by_error if judged else "not")
+    judged = not one.at_bound or (
+        name == DELAY and one.value == 0.0
+    )  # no delay is less than 0: not a bound of the user
+    return replace(one, std_error=_told(one.value, error), grade=by_error if judged else "not")
 
 
 def _pull(value: float, prior: tuple[float, float], alone: float, share: float) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cached_property
 from itertools import combinations
 
@@ -15,6 +16,7 @@ from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import Term, Terms, has_friction
 from dsd_cli.identify.fit.direction import best_delay
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.values import Fitted, flat, known_to
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.evidence import Evidence, Option, in_common_terms, preferred
 from dsd_cli.identify.search.shapes import Lines, apart, names_to_try, refined, starts
@@ -100,6 +102,27 @@ class Search(Evidence):
             tried = [term for term in terms if apart(term, current.terms, self.ranges)]
             found += sorted(((*scan.gain(term, keep=True), term) for term in tried), key=lambda f: -f[0])[:1]
         return found
+
+    @once
+    def values(self, whole: Fit) -> Fitted:
+        """Values of a set, with standard errors over it and over the same with one effect more, each as likely as the
+        recordings say (Bayesian model averaging; Hoeting, Madigan, Raftery and Volinsky 1999).
+
+        Over a small travel a spring, a cubic one and a weight differ by less than matters: one is left out, the others
+        take its place, and their own standard errors know nothing of that.
+        """
+        part, fit = self.searched(whole)
+        found, step = self.problem.values(whole), self.equations.sample_time
+        scale, estimates = part.problem.scale, dict(found.estimates)
+        here = flat(scale.model(fit))
+        for option in part.options(fit):
+            there, odds = flat(scale.model(option.fit)), math.exp(min(part.lead(fit, option.fit), 0.0))
+            for name, one in estimates.items():
+                moved = there.get(name, here[name]) - here[name]
+                moved = math.remainder(moved, 2.0 * math.pi) if name.endswith(".phase") else moved
+                error = math.hypot(one.std_error, math.sqrt(odds / (1.0 + odds)) * moved)
+                estimates[name] = known_to(one, name, error, step)
+        return replace(found, estimates=estimates)
 
     def challenger(self, rest: Fit, member: str, own: float) -> Option | None:
         """The best replacement of a member that gains `own`, by evidence; None if no candidate comes near it. A law is

@@ -179,7 +179,7 @@ class Verdict:
         fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
         known, given, several = problem.values(fit), self.shown.given or self.search, len(self.members) > 1
         refit = given.problem.values(given.refit)
-        joint = problem.values(self.whole) if several else known
+        joint = self.search.values(self.whole) if self.members else known
         unknown, source, own = self.beyond.unknown, problem.recordings[0].provenance, verdict in problem.model.effects
         one = self.seen is not None or verdict == self.own.wrong != ""
         more = {NONE: 1.0 - self.sure, UNKNOWN: self.sure}

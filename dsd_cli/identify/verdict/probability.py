@@ -120,7 +120,7 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     afloat = _of_position(effect_id) and search.problem.reconstructed("position")
     at_place = [o for o in options if afloat and _of_position(o.effect)]
     found = dict.fromkeys(o.effect for o in (*as_well, *filter(rivals, options), *at_place))
-    estimates = search.problem.values(whole).estimates
+    estimates = search.values(whole).estimates
     surest = POLICY.even if as_push or afloat or not is_told(effect_id, estimates) else 1.0
     return Membership(
         effect_id,
