@@ -45,12 +45,20 @@ def spoilt(case, spoil, effects=MORE):
 
 @pytest.mark.parametrize("late_ms", [5, 20])
 def test_a_u_that_is_later_than_its_motion_is_no_missing_effect(late_ms):
-    """A line at 0.99 stood in for it once."""
+    """A line at 0.99 stood in for it once: it is said, and all is asked with u on time."""
     recording, model, observer = given(RigCase(what=(), seed=4300, sensing="speed40k"), DELAY_MS + late_ms)
     found = diagnose([recording], model, observer, Settings(effects=FEW))
-    assert found.verdict == "unknown"
+    assert found.verdict == "none"
     (said,) = [w for w in found.warnings if "later than the motion" in w]
     assert float(re.search(r"by about ([0-9.]+) ms", said)[1]) == pytest.approx(late_ms, rel=0.1)
+
+
+def test_what_is_missing_is_named_where_u_is_the_mean_of_the_interval_before_its_stamp():
+    """A held u is the mean of the interval behind its stamp: drives that log what they have measured are one late."""
+    what = ("viscous_friction",)
+    recording, model, observer = given(RigCase(what=what, seed=4302, sensing="speed40k", duration=10.0), DELAY_MS + 1)
+    found = diagnose([recording], model, observer, Settings(effects=FEW))
+    assert (found.verdict, found.mended is not None) == (*what, True)
 
 
 @pytest.mark.parametrize("what", [(), ("flexible_coupling",)])

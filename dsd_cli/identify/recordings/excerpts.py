@@ -58,6 +58,20 @@ def inside(recording: Recording, low: float, high: float, kind: str) -> Recordin
     return replace(recording, pieces=pieces, taken_off=(*recording.taken_off, kind))
 
 
+def earlier(recording: Recording, seconds: float, kind: str) -> Recording:
+    """With a u that acted so much earlier than it was logged: of the held one the mean over what was each interval."""
+    steps = seconds / recording.sample_time
+    whole = int(steps)
+
+    def moved(piece: Log) -> Log:
+        u, rest = piece["u"], _cut(piece, 0, len(piece) - whole - 1)
+        mean = u[whole:-1] + (steps - whole) * np.diff(u[whole:])
+        return replace(rest, channels={**rest.channels, "u": mean})
+
+    pieces = tuple(moved(p) for p in recording.pieces if len(p) - whole > SHORTEST)
+    return replace(recording, pieces=pieces, taken_off=(*recording.taken_off, kind))
+
+
 def _excerpt(recording: Recording, samples: int) -> Recording:
     """The richest window of each stretch, the richest of them first, until there are enough samples."""
     windows = sorted((_richest(p, samples) for p in recording.pieces), key=lambda w: -w[0])

@@ -33,7 +33,7 @@ from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrep
 from dsd_cli.identify.verdict.end_stop import EndStops, end_stops
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.levels import log_levels, with_levels_said
-from dsd_cli.identify.verdict.limits import limits_of
+from dsd_cli.identify.verdict.limits import limits_of, on_time
 from dsd_cli.identify.verdict.own_values import own_values
 from dsd_cli.identify.verdict.probability import memberships
 from dsd_cli.identify.verdict.pushes import pushed
@@ -89,6 +89,8 @@ def diagnose(
     limits = limits_of(search, whole, shown.settings, shown.seen or shown.other)
     if limits.idle is not None:
         return _of_mended(limits.idle.taken_off(apart.plain, holdout), again)
+    if (prompt := on_time(limits, apart.plain, holdout, model.delay)) is not None:
+        return _of_mended(prompt, again)
     stops, answer = _without_stops(end_stops(search, whole, beyond, apart.plain, holdout), again, on_found)
     if answer is not None:
         return answer

@@ -9,6 +9,7 @@ what a first-order filter of time constant T took off.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -20,12 +21,20 @@ from dsd_cli.identify.fit.row_weights import many_sure, residual_of_u
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings, constant_u
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.excerpts import earlier
+from dsd_cli.identify.recordings.recording import Mended, Recording
 from dsd_cli.identify.search.long_logs import posed
 from dsd_cli.identify.search.seen import Seen
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.unacted_command import UnactedCommand, idle_part
 from dsd_cli.signals.log import Array
 
+#: Samples by which u is late at least: sampled from what is continuous it is early by a half, and the mean of the
+#: interval that ends at its stamp, as many a drive logs it, late by one.
+_LATE = 0.75
+#: Of a mended recording, and what a user may ask himself.
+_KIND = "late u"
+_WHY_LATE = "dsd check measures it: another clock, a filtered u, or the mean of the interval that ends at each stamp?"
 #: Shortest filter that is said, samples: a clock that was made even smooths u by one.
 _SHORTEST = 2.0
 #: Longest filter that is looked for, s.
@@ -122,7 +131,7 @@ def _in_all_bands(search: Search, whole: Fit, settings: Settings, lead: float) -
 
 
 def _certain(search: Search, freed: _Freed) -> bool:
-    return freed.lead > max(POLICY.value_deviations * freed.error, search.equations.sample_time)
+    return freed.lead > max(POLICY.value_deviations * freed.error, _LATE * search.equations.sample_time)
 
 
 def _best_freed(search: Search, terms: Terms, tap: int) -> _Freed:
@@ -181,7 +190,7 @@ class Limits:
         if self.common < _LEAST_IN_COMMON:
             return "u and the motion have too little in common: u does not seem to drive this axis"
         if self.time.late:
-            return f"u is later than the motion that it causes, by about {self.time.late * 1e3:.2g} ms"
+            return _late(self.time)
         return _smoothed(self.time) if self.time.smoothed and not self.time.explained else ""
 
     @property
@@ -195,10 +204,7 @@ class Limits:
                 " another time? Or is the log so short that a longer one, or faster moves, would show more?"
             )
         elif self.time.late:
-            found.append(
-                f"{self.blocked} (dsd check measures it): another clock, or a filtered u? Take that off"
-                " signals.u_shift and ask again"
-            )
+            found.append(f"{self.blocked} ({_WHY_LATE}). Take that off signals.u_shift and ask again")
         elif self.time.smoothed:
             found.append(_said_of_filter(self.time))
         if self.direction < POLICY.least_told_direction:
@@ -213,6 +219,25 @@ class Limits:
             for name, hz in self.passed
         ]
         return tuple(found)
+
+
+def on_time(
+    limits: Limits, recordings: Sequence[Recording], holdout: Sequence[Recording], delay: float
+) -> Mended | None:
+    """The recordings with u on time, where it is late and that can be had; delay : of the model, s, which stays."""
+    every, seconds = (*recordings, *holdout), limits.time.late + delay
+    by_u = any(_KIND in r.taken_off or "reconstructed" in r.provenance.get("velocity", "") for r in every)
+    longest = min((len(p) * p.sample_time for r in every for p in r.pieces), default=0.0)
+    if not limits.time.late or limits.blocked != _late(limits.time) or by_u or seconds > 0.1 * longest:
+        return None
+    rest = f" with the delay of [model], {delay * 1e3:.2g} ms," if delay else ""
+    said = f"{limits.blocked} ({_WHY_LATE}). Here{rest} it counts as {seconds * 1e3:.3g} ms earlier: take that off"
+    moved, aside = (tuple(earlier(r, seconds, _KIND) for r in some) for some in (recordings, holdout))
+    return Mended(moved, aside, (f"{said} signals.u_shift",))
+
+
+def _late(time: CommandTime) -> str:
+    return f"u is later than the motion that it causes, by about {time.late * 1e3:.2g} ms"
 
 
 def _smoothed(time: CommandTime) -> str:
