@@ -39,8 +39,8 @@ _WHY_LATE = "dsd check measures it: another clock, a filtered u, or the mean of 
 _SHORTEST = 2.0
 #: Longest filter that is looked for, s.
 _LONGEST = 0.05
-#: Share of the squares that a u which is not late may leave: a missing force leans like lag, but leaves more.
-_EXPLAINED = 0.25
+#: Share of the squares that a u which is late may leave, on time: a missing force leans like lag, but leaves more.
+_EXPLAINED = 0.5
 #: Narrower bands in which a filter is asked for again, as a share, and by what share its time constant may differ
 #: there: what a controller makes of a coarse encoder is another one in each band.
 _BANDS, _SAME = (0.7, 0.85), 0.01
