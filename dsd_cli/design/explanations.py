@@ -19,6 +19,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import Grade, flat
 from dsd_cli.identify.results import DELAY
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.plant.forces import interval_forces
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
@@ -164,12 +165,17 @@ def grown(search: Search, one: Explanation, limits: Limits, loop: Loop) -> tuple
 
 def _lacking(search: Search, plant: PlantModel, found: Fit, unexplained: float) -> tuple[float, float]:
     """(mean force that a plant lacks in the logs, rms of the rest of it beyond the noise), while the axis is free:
-    friction that holds it takes any force."""
-    errors = search.problem.errors
+    friction that holds it takes any force; no more than that and u hold where the logs rest."""
+    errors, stretches = search.problem.errors, search.equations.stretches
     left = errors.rows_of_model(plant)
     free = errors.rows_of_model(_pushed(plant, 1.0)) - left
     size = max(float(free @ free) / len(free), 1e-300)  # friction may hold the axis in all of them
     mean = -float(free @ left) / (size * len(free))
+    u = np.concatenate([s.frame.mean_u(s.log["u"], plant.delay)[s.free == 0.0] for s in stretches])
+    if len(u):
+        place = np.concatenate([s.mean.position[s.free == 0.0] for s in stretches])
+        force, budget = interval_forces(plant.effects, Channels(0.0, u, 0.0 * u, place, 0.0 * u), plant.inertia)
+        mean = float(np.clip(mean, *(-np.median(u + force + way * budget) for way in (1.0, -1.0))))
     beside = float(np.mean((left + mean * free) ** 2)) - errors.rmse(found) ** 2 + (unexplained * errors.force) ** 2
     return mean, math.sqrt(max(beside, 0.0) / size)
 

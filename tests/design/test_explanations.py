@@ -7,15 +7,17 @@ import pytest
 
 from dsd_cli.design.closed_loop import usual_loops
 from dsd_cli.design.expectation import ranges_within
-from dsd_cli.design.explanations import _Left, explanation_of, falling, grown
+from dsd_cli.design.explanations import _Left, explanation_of, falling, grown, held
 from dsd_cli.design.limits import Limits
 from dsd_cli.design.reach import other_shapes
 from dsd_cli.effects import Ranges
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.results import NONE
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import Settings
+from dsd_cli.plant.references import Planned
 from dsd_cli.plant.simulation import Measurement, SimulationSettings, simulate
 from tests.identify.comparison_rig import BELIEVED, CONTROLLER, MOVES, OBSERVER, T, recorded
 
@@ -70,6 +72,19 @@ def test_what_the_model_lacks_may_be_friction_that_is_gone_beyond_the_speeds_of_
     assert plant.effects.keys() == {"stribeck_friction"}
     assert gone["excess"] == pytest.approx(abs(size), rel=0.25)
     assert gone["velocity"] == pytest.approx(np.abs(log.pieces[0]["velocity"]).max(), rel=0.02)
+
+
+def test_a_drag_in_one_fast_move_is_no_load_where_the_log_rests() -> None:
+    """At rest u and friction together are twice the friction at most; what slides there is faster, by 0.3."""
+    friction = {"coulomb_friction": {"level": 0.05}}
+    t = T * np.arange(2000)
+    q = 1.5 * np.clip((t - 1.8) / 0.4, 0.0, 1.0) ** 2 * (3.0 - 2.0 * np.clip((t - 1.8) / 0.4, 0.0, 1.0))
+    drag = {**friction, "viscous_friction": {"coefficient": 0.1}}
+    log = recorded(drag, reference=Planned(q, np.gradient(q, T)), duration=4.0, noise=0.001)
+    search = Search(pose([log], replace(BELIEVED, effects=friction), Settings()))
+    alone = explanation_of(search, NONE, search.refit, True, ())
+    first, _ = held(search, alone, search.refit, 1.0, 0.0)
+    assert abs(first.fitted.effects["constant_load"]["force"]) < 0.1
 
 
 def growing(speed: float, limit: float) -> dict[str, list[float]]:
