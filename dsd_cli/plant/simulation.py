@@ -127,6 +127,8 @@ def simulate(
                 f"the simulated loop is unstable: u is no longer finite at t = {k * settings.sample_time:g} s",
                 "lower the gains or the delay, or set simulate.controller.limit",
             )
+    if not loop.heard:  # the same bits, over arrays
+        rows[:, 1] += loop.observer.run(rows[:, 0], rows[:, 3 if loop.observer.source == "velocity" else 2])
     channels = dict(zip(("u", "d_hat", "position", "velocity", *CHANNELS[-2:], *ADOPTED), rows.T, strict=True))
     channels |= {"t": _stamps(samples, settings.sample_time), "reference": references.position}
     ordered = CHANNELS if feedback is None else (*CHANNELS, *ADOPTED)
@@ -152,6 +154,8 @@ class _Loop:
         settled = settings.observer.nominal_inertia * self.plant.acceleration(0.0, self.actuator.at_rest)
         self.observer = DisturbanceObserver(settings.observer, settings.sample_time, source, settled)
         self.controller = _controller(settings, feedback)
+        #: Whether the loop itself hears what the observer says.
+        self.heard = feedback is not None or settings.controller.kind in ("network_observer", "observer")
         self.drive: list[float] = []  # u_eff, the whole past: an event may lengthen the delay
         self._encoder: float | None = None  # last encoder position
 
@@ -164,12 +168,15 @@ class _Loop:
             self.plant.set(model)
             self.actuator.set(model)
         position, velocity = self._measure(noise)
-        d_hat = self.observer.observe(velocity if self.observer.source == "velocity" else position) + noise[0]
+        d_hat = noise[0]
+        if self.heard:
+            d_hat += self.observer.observe(velocity if self.observer.source == "velocity" else position)
         sign = self.settings.observer.sign
         u = self.controller.step(Measured(*target[:2], position, velocity, sign * d_hat, target[2]))
         sample_time = self.settings.sample_time
         self.drive.append(self.actuator.drive(k * sample_time, u, sample_time))
-        self.observer.apply(u)
+        if self.heard:
+            self.observer.apply(u)
         self._advance(k)
         believed = self._believed(u, d_hat)
         return u, d_hat, position, velocity, self.model.delay, self.model.inertia, *believed
