@@ -175,7 +175,8 @@ def _lacking(search: Search, plant: PlantModel, found: Fit, unexplained: float) 
     if len(u):
         place = np.concatenate([s.mean.position[s.free == 0.0] for s in stretches])
         force, budget = interval_forces(plant.effects, Channels(0.0, u, 0.0 * u, place, 0.0 * u), plant.inertia)
-        mean = float(np.clip(mean, *(-np.median(u + force + way * budget) for way in (1.0, -1.0))))
+        low, high = (-float(np.median(u + force + way * budget)) for way in (1.0, -1.0))
+        mean = min(max(mean, low), high)
     beside = float(np.mean((left + mean * free) ** 2)) - errors.rmse(found) ** 2 + (unexplained * errors.force) ** 2
     return mean, math.sqrt(max(beside, 0.0) / size)
 
@@ -286,8 +287,7 @@ def values_of(search: Search, first: Explanation, wanted: Sequence[str] | None) 
 def _slope(search: Search, fit: Fit, name: str, size: int) -> Array:
     """Of a value over coefficients and logarithms of shapes, numerical, shape (m,)."""
     total = np.abs(fit.total)
-    steps = np.concatenate([1e-4 * np.maximum(total, 1e-3 * total[AT_INERTIA]), np.full(size, 1e-4)])
-    steps = steps[:size]
+    steps = np.concatenate([1e-4 * np.maximum(total, 1e-3 * total[AT_INERTIA]), np.full(size, 1e-4)])[:size]
     steps[SHARE] = 1e-3
     found = np.zeros(size)
     for i, step in enumerate(steps):
