@@ -171,13 +171,15 @@ def _lacking(search: Search, plant: PlantModel, found: Fit, unexplained: float) 
     free = errors.rows_of_model(_pushed(plant, 1.0)) - left
     size = max(float(free @ free) / len(free), 1e-300)  # friction may hold the axis in all of them
     mean = -float(free @ left) / (size * len(free))
-    u = np.concatenate([s.frame.mean_u(s.log["u"], plant.delay)[s.free == 0.0] for s in stretches])
+    rests = [np.stack([s.frame.mean_u(s.log["u"], plant.delay), s.mean.position])[:, s.free == 0.0] for s in stretches]
+    u, place = np.concatenate(rests, axis=1)
     if len(u):
-        place = np.concatenate([s.mean.position[s.free == 0.0] for s in stretches])
         force, budget = interval_forces(plant.effects, Channels(0.0, u, 0.0 * u, place, 0.0 * u), plant.inertia)
         low, high = (-float(np.median(u + force + way * budget)) for way in (1.0, -1.0))
         mean = min(max(mean, low), high)
-    beside = float(np.mean((left + mean * free) ** 2)) - errors.rmse(found) ** 2 + (unexplained * errors.force) ** 2
+    # noise counts by the inertia, and what a crawl is found to have is often next to none
+    noise = errors.rows_of_model(replace(search.problem.scale.model(found), inertia=plant.inertia))
+    beside = float(np.mean((left + mean * free) ** 2 - noise**2)) + (unexplained * errors.force) ** 2
     return mean, math.sqrt(max(beside, 0.0) / size)
 
 
@@ -234,8 +236,7 @@ class _Left:
         for _ in range(len(change)):
             beyond = np.abs(change) - most
             i = int(np.argmax(beyond / np.maximum(most, 1e-300)))
-            along = covariance[:, i]
-            if not (beyond[i] > 0.0 and along[i] > 0.0):
+            if not (beyond[i] > 0.0 and (along := covariance[:, i])[i] > 0.0):
                 break
             change = change + along * ((math.copysign(most[i], change[i]) - change[i]) / along[i])
             covariance = covariance - np.outer(along, along) / along[i]
@@ -278,9 +279,8 @@ def values_of(search: Search, first: Explanation, wanted: Sequence[str] | None) 
     found = []
     for name in wanted:
         value, error = estimates[name].value, estimates[name].std_error
-        slope = _slope(search, first.fit, name, first.model.size - 1)
         size = search.problem.recordings[0].sample_time if name == DELAY else abs(value)
-        found.append(Value(name, size, error, slope))
+        found.append(Value(name, size, error, _slope(search, first.fit, name, first.model.size - 1)))
     return tuple(found)
 
 

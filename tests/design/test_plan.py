@@ -212,6 +212,17 @@ def test_a_force_that_nobody_named_may_be_elsewhere_what_it_was_for_a_moment(tie
         assert u == pytest.approx(np.full(3, -side * wave["amplitude"]), abs=1e-9)
 
 
+def test_counts_of_a_crawl_are_no_force_that_the_model_lacks() -> None:
+    """Beside next to no inertia, as it was found, they leave little; times that of the model they are 4.7 where u is
+    0.8: no motion could be planned within the limits of a machine that has 4.2."""
+    asked = poor("constant_load", "slow", 385001)
+    assert asked.diagnosis.verdict == UNKNOWN
+    wave, fallen, *_ = targets_of(asked.search, asked.whole, asked.diagnosis).beside
+    most = float(np.abs(asked.recording.pieces[0]["u"]).max())
+    assert wave.effects["cogging"]["amplitude"] < most
+    assert fallen.effects["stribeck_friction"]["excess"] < most
+
+
 def test_plants_scatter_as_the_standard_errors_say(tied: Asked) -> None:
     """Two standard errors of a load are less than half of it, so that no draw is cut off there."""
     told = tied.search.problem.values(tied.whole).estimates["constant_load.force"]
