@@ -88,9 +88,12 @@ class Machine:
 
     def answer(self, together: Diagnosis, newest: Recording) -> tuple[Diagnosis, bool]:
         """(what the loop takes as its answer, whether that is of the newest log alone)."""
-        if not left_open(together) or not misled(together, alone := diagnose([newest], self.model, self.observer)):
+        if not left_open(together):
             return together, False
-        return alone, True
+        if misled(together, alone := self.asked([newest])):
+            return alone, True
+        self.kept.pop()
+        return together, False
 
     def plan(self, said: Diagnosis) -> tuple[Plan, float]:
         """(plan within the machine's limits, s of CPU)."""
@@ -159,11 +162,12 @@ def one(case: RigCase, kind: str, *, old: bool = True) -> Row | None:
 
 
 def _gone_on(machine: Machine, logs: list[Recording], said: Diagnosis, last: bool) -> Row:
-    """From the first experiment on until it is settled, the newest log is the answer, or three have run; as the command
-    does, and with the limits that each of these plans broke."""
+    """From the first experiment on until it is settled, the newest log alone leaves nothing open, or three have run; as
+    the command does, and with the limits that each of these plans broke. last : only the newest log counts so far."""
     row: Row = {"experiments": 1, "broken": []}
     try:
-        while not (last or machine.settled(said) or row["experiments"] == MOST):
+        while not ((last and not left_open(said)) or machine.settled(said) or row["experiments"] == MOST):
+            logs = logs[-1:] if last else logs
             plan, _ = machine.plan(said)
             if plan.motion is None:
                 break

@@ -56,8 +56,10 @@ def closed(job: tuple[Config, list[str], Request, bool], command: str, output: s
         alone = _alone(settings, log, asked, quiet) if open_now else None
         if alone is not None and misled(answer.diagnosis, alone.diagnosis):
             together = f"with the logs before it {', '.join(open_now)} would stay open"
-            note = f"{log} alone leaves nothing open and is the answer; {together}: they mislead"
-            answer, open_now = replace(alone, warnings=(*alone.warnings, note)), ()
+            paths, open_now = [str(log)], left_open(alone.diagnosis)
+            which = f"names {alone.diagnosis.verdict}" if open_now else "leaves nothing open"
+            note = f"{log} alone {which} and is the answer; {together}: they mislead"
+            answer = replace(alone, warnings=(*alone.warnings, note))
         experiments.append(_experiment(reference, log, answer.diagnosis, open_now))
         say(quiet, f"experiment {k}: {answer.diagnosis.verdict}, left open: {', '.join(open_now) or 'nothing'}")
         if not open_now:
@@ -83,7 +85,8 @@ def _without_motion(plan: Plan) -> Plan:
 def misled(together: Diagnosis, alone: Diagnosis) -> bool:
     """Whether the logs before the newest hide what it says: alone it names an effect and leaves nothing open; with them
     something stays open, and they do not say that it is another effect: it is found with them, or tied to what is, or
-    something that nobody has named is likelier than what they name.
+    something that nobody has named is likelier than what they name. If that is so with them, and not alone, values may
+    be left open, and no tie: it is planned for these by that log, and not by those that make all of it unknown.
 
     A poor log has forces of its own, that no motion of it shows, and a joint fit finds effects for them.
     """
@@ -91,8 +94,13 @@ def misled(together: Diagnosis, alone: Diagnosis) -> bool:
 
     found = [c for c in together.ranking if c.effect in together.found]
     may_be = {*together.found, *(rival for c in found for rival in c.indistinguishable_from)}
-    same = nobody_knows(together) or alone.verdict in may_be
-    return same and alone.verdict in alone.found and bool(left_open(together)) and not left_open(alone)
+    unknown, tied = (
+        nobody_knows(together),
+        any(c.indistinguishable_from for c in alone.ranking if c.effect in alone.found),
+    )
+    says_more = not left_open(alone) or (unknown and not (tied or nobody_knows(alone)))
+    same = unknown or alone.verdict in may_be
+    return same and alone.verdict in alone.found and bool(left_open(together)) and says_more
 
 
 def _experiment(reference: Path, log: Path, found: Diagnosis, open_now: tuple[str, ...]) -> Experiment:

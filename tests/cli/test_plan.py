@@ -269,10 +269,13 @@ def test_the_loop_ends_when_nothing_is_left_open(folder: Path) -> None:
     assert len((folder / "runs.txt").read_text().splitlines()) == len(told["experiments"])
 
 
-def _said(verdict: str, *found: str, tied: tuple[str, ...] = (), unnamed: float = 0.01) -> SimpleNamespace:
+def _said(
+    verdict: str, *found: str, tied: tuple[str, ...] = (), unnamed: float = 0.01, weak: bool = False
+) -> SimpleNamespace:
     """unnamed : probability that something nobody has named is there."""
     ranking = [SimpleNamespace(effect=name, indistinguishable_from=tied) for name in found]
-    said = SimpleNamespace(verdict=verdict, found=found, ranking=ranking, whole_values={}, estimates={})
+    estimates = {f"{name}.level": SimpleNamespace(grade="weak", held=False) for name in found if weak}
+    said = SimpleNamespace(verdict=verdict, found=found, ranking=ranking, whole_values=estimates, estimates=estimates)
     said.probability, said.unexplained = 1.0 - unnamed, SimpleNamespace(probability=unnamed)
     return said
 
@@ -291,6 +294,11 @@ def test_a_log_that_says_all_alone_is_not_hidden_by_a_poor_one() -> None:
     assert not misled(_said("unknown"), _said("none"))
     assert not misled(_said("unknown"), _said("gravity"))  # a value of the model, and nothing found
     assert not misled(_said("unknown"), _said("coulomb_friction", "coulomb_friction", tied=("stribeck_friction",)))
+    # with all logs nobody knows what it is, and alone only values are open: the next motion is for these
+    weak = _said("coulomb_friction", "coulomb_friction", weak=True)
+    assert misled(_said("backlash", "backlash", unnamed=0.89, weak=True), weak)
+    assert not misled(_said("backlash", "backlash", weak=True), weak)
+    assert not misled(_said("unknown"), _said("coulomb_friction", "coulomb_friction", unnamed=0.6, weak=True))
 
 
 #: Moves nothing: leaves a log of an axis at 0.3, and says that it was run.
