@@ -74,15 +74,10 @@ class Expectation:
         self.longest_delay = max(m.delay for e in targets.explanations for m in e.draws)
         self.like = LikeLogs.of(search, self.longest_delay, self.held)
 
-    @property
-    def known(self) -> Equations:
-        """Rows of the logs."""
-        return self.search.equations
-
     @cached_property
     def of_logs(self) -> Products:
         """Inner products of the logs, shape (cases + 1, P, P): of the reach at the end."""
-        equations = self.known
+        equations = self.search.equations
         rows, made = MotionRows(equations), dict[Model, Array]()
         for case in self._asked:
             if case.model not in made:

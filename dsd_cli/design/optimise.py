@@ -51,8 +51,8 @@ def joined(parts: Sequence[MotionSegment], room: Room) -> Array:
 
 def sized(measure: Measure, room: Room, part: MotionSegment) -> Sized | None:
     """The part, so small that no likely plant needs more u than is allowed; None where it does not help."""
-    most = ROOM * room.limits.u
-    reach = measure.known.band.half * measure.known.sample_time + measure.longest_delay + 4.0 * room.step
+    most, known = ROOM * room.limits.u, measure.search.equations
+    reach = known.band.half * known.sample_time + measure.longest_delay + 4.0 * room.step
     rest = int(reach / room.step) + 1  # before and after it: the rows of a log reach into that
     for _ in range(_SHRINKS):
         position = position_of(part, room)
@@ -75,8 +75,7 @@ def library_of(measure: Measure, room: Room, seconds: float, report: Report = la
     found = []
     for i, kind in enumerate(KINDS):
         for _ in range(_TRIED):
-            part = MotionSegment(kind, length, tuple(random.uniform(size=4).tolist()))
-            one = sized(measure, room, part)
+            one = sized(measure, room, MotionSegment(kind, length, tuple(random.uniform(size=4).tolist())))
             found += [one] if one is not None else []
         report((i + 1) / len(KINDS))
     return found
