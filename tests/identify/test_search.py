@@ -17,7 +17,7 @@ from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict import limits
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.references import Multisine
-from tests.identify.search_rig import BELIEVED, OBSERVER, posed, seen
+from tests.identify.search_rig import BELIEVED, OBSERVER, SPEED_NOISE, posed, seen
 
 NAMES = ("coulomb_friction", "viscous_friction", "quadratic_drag", "viscous_asymmetry", "stiffness", "constant_load")
 PAIR = {"coulomb_friction": {"level": 0.08}, "viscous_friction": {"coefficient": 0.03}}
@@ -256,3 +256,28 @@ def test_the_error_of_a_filter_beside_columns_that_are_nearly_one_is_a_number():
     search = SimpleNamespace(solver=SimpleNamespace(bank=bank), noise=SimpleNamespace(inflation=1.0))
     freed = limits._freed(search, (), 0)
     assert 0.0 < freed.error < np.inf
+
+
+def test_a_bend_that_two_common_forces_make_is_no_stribeck_friction():
+    """Of a speed above that of the whole log it stood in for both, and viscous friction was tripled."""
+    there = {"coulomb_friction": {"level": 0.05}, "quadratic_drag": {"coefficient": 0.01}}
+    search = posed(there, (*NAMES, "stribeck_friction"))
+    bent = Term.of("stribeck_friction", {"velocity": 0.4 * search.ranges.top_speed})
+    wrong = search.converged(search.fit((bent, Term("viscous_friction")), search.refit.tap))
+    assert "stribeck_friction" not in {t.id for t in evidence.in_common_terms(search, wrong).terms}
+
+
+def test_what_is_just_not_in_a_set_is_in_the_errors_of_its_values():
+    """Over this travel a weight beside a cubic spring is a spring as well: ten times the true one, to 3 % by itself."""
+    there = {
+        "stiffness": {"coefficient": 0.6},
+        "cubic_stiffness": {"coefficient": 0.3},
+        "gravity": {"amplitude": 0.06, "phase": -0.9},
+    }
+    search = posed(there, tuple(there), noise=0.1 * SPEED_NOISE)
+    fit = search.fit((Term("gravity"), Term("cubic_stiffness")), search.refit.tap)
+    alone, averaged = (of(fit).estimates["gravity.amplitude"] for of in (search.problem.values, search.values))
+    assert alone.value == averaged.value
+    off = abs(alone.value - there["gravity"]["amplitude"])
+    assert off > 10.0 * alone.std_error
+    assert off < 3.0 * averaged.std_error

@@ -8,12 +8,13 @@ rule not white, and then the same columns explain more of it by chance.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import combinations
 
 import numpy as np
 
-from dsd_cli.effects import Effect, get_effect
+from dsd_cli.effects import Effect, Role, get_effect
 from dsd_cli.identify.fit.bank import SHARE, Term, Terms
 from dsd_cli.identify.fit.blocks import spread_over_blocks
 from dsd_cli.identify.fit.equations import Equations
@@ -232,6 +233,10 @@ def _one_commoner(search: Evidence, fit: Fit) -> Fit:
             lead = POLICY.least_gain if search.problem.errors.cancelled(fit, term) else 0.0
             if own.evidence - search.evidence(other) < lead:
                 return other
+        for pair in _pairs(term.effect, [name for name in search.allowed if name not in here]):
+            other = search.fit((*rest, *map(Term, pair)), fit.tap)
+            if search.evidence(other) > own.evidence:
+                return other
     return fit
 
 
@@ -253,6 +258,20 @@ def _simple(effect: Effect, allowed: Sequence[str]) -> list[str]:
     alike = (e for e in map(get_effect, allowed) if _simpler(e, effect) and e.sizes == 1)
     found = sorted((e.rarity, e.id) for e in alike if not (e.searched or e.listed))
     return [name for _, name in found[: effect.sizes]] if len(found) >= effect.sizes else []
+
+
+def _pairs(effect: Effect, allowed: Sequence[str]) -> Iterator[tuple[str, str]]:
+    """Two forces of one size each, without a shape, that may be what one with a searched shape bends itself to: Coulomb
+    friction beside a drag is a Stribeck friction of hardly a quarter of the top speed. Of any other effect none."""
+    if not effect.searched or effect.sizes != 1 or effect.role is not Role.FRICTION:
+        return
+    needs = {*effect.needs}
+    yield from combinations([n for n in allowed if _plain(e := get_effect(n)) and {*e.needs} <= needs], 2)
+
+
+def _plain(effect: Effect) -> bool:
+    """Whether it is a force of one size and no shape."""
+    return effect.role in (Role.APPLIED, Role.FRICTION) and effect.sizes == 1 and not (effect.searched or effect.listed)
 
 
 def _as_good(search: Evidence, one: Option, best: Option) -> bool:

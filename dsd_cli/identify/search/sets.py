@@ -33,6 +33,8 @@ ROUNDS_IN_SCAN = 2
 MOST_CHALLENGERS, WORTH_CHALLENGING = 3, 0.5
 #: Pairs of effects that are cross-validated, of all that are fitted.
 MOST_PAIRS = 4
+#: Nats from which on one is sure, for all that a number shows.
+_SURE = 50.0
 
 __all__ = ["Option", "Search"]
 
@@ -116,7 +118,7 @@ class Search(Evidence):
         scale, estimates = part.problem.scale, dict(found.estimates)
         here = flat(scale.model(fit))
         for option in part.options(fit):
-            there, odds = flat(scale.model(option.fit)), math.exp(min(part.lead(fit, option.fit), 0.0))
+            there, odds = flat(scale.model(option.fit)), math.exp(min(part.lead(fit, option.fit), _SURE))
             for name, one in estimates.items():
                 moved = there.get(name, here[name]) - here[name]
                 moved = math.remainder(moved, 2.0 * math.pi) if name.endswith(".phase") else moved
