@@ -41,6 +41,14 @@ setup(
             optional=True,
         ),
         Extension(
+            "dsd_cli.signals._passes",
+            sources=["dsd_cli/signals/_passes.c"],
+            define_macros=[("Py_LIMITED_API", "0x030B0000")],
+            extra_compile_args=["-O3", "-fno-math-errno", "-fno-trapping-math", "-Wno-psabi"],
+            py_limited_api=True,
+            optional=True,
+        ),
+        Extension(
             "dsd_cli.files._csv_text",
             sources=["dsd_cli/files/_csv_text.c"],
             define_macros=[("Py_LIMITED_API", "0x030B0000")],

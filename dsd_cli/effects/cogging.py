@@ -17,6 +17,7 @@ from dsd_cli.effects.base import (
     sine_and_cosine,
 )
 from dsd_cli.effects.joint_terms import JointTerms, Sine
+from dsd_cli.signals.passes import sine_and_cosine_of
 
 
 def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
@@ -24,7 +25,8 @@ def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
     periods = shape["periods"]
     angle = periods * channels.position
     moved = sinc(periods * channels.velocity * channels.interval / (2.0 * np.pi))
-    return moved * np.sin(angle), moved * np.cos(angle)
+    sine, cosine = sine_and_cosine_of(angle)
+    return moved * sine, moved * cosine
 
 
 def _starts(_: Ranges) -> list[Shape]:

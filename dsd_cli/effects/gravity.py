@@ -6,10 +6,12 @@ import numpy as np
 
 from dsd_cli.effects.base import Channels, Effect, Parameter, Role, Shape, Values, amplitude_and_phase, sine_and_cosine
 from dsd_cli.effects.joint_terms import JointTerms, Sine
+from dsd_cli.signals.passes import sine_and_cosine_of
 
 
 def _columns(channels: Channels, _: Shape) -> tuple[Any, ...]:
-    return -np.sin(channels.position), -np.cos(channels.position)
+    sine, cosine = sine_and_cosine_of(channels.position)
+    return -sine, -cosine
 
 
 def _split(values: Values, _: float) -> tuple[tuple[float, ...], Shape]:

@@ -17,6 +17,7 @@ from dsd_cli.effects.base import (
     sine_and_cosine,
 )
 from dsd_cli.effects.joint_terms import JointTerms
+from dsd_cli.signals.passes import sine_and_cosine_of
 
 
 def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
@@ -24,7 +25,8 @@ def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
     frequency = shape["frequency"]
     angle = 2.0 * np.pi * frequency * channels.t
     mean = sinc(frequency * channels.interval)
-    return mean * np.sin(angle), mean * np.cos(angle)
+    sine, cosine = sine_and_cosine_of(angle)
+    return mean * sine, mean * cosine
 
 
 def _starts(_: Ranges) -> list[Shape]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,8 +16,8 @@ from numpy.typing import NDArray
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.recordings.spectrum import SensorNoise, density
-from dsd_cli.signals.decimating import decimated, in_groups
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.passes import every
 
 #: Rows per second by the band's end: the low-pass falls from the end of the band to twice that, so that what folds back
 #: stays out of the band.
@@ -57,11 +56,7 @@ class Band:
 
     def rows(self, x: Array, first: int) -> Array:
         """x of shape (n,) low-passed at `centres`."""
-        return decimated(x[first:], self._groups, len(self.centres(first, len(x))))
-
-    @cached_property
-    def _groups(self) -> Array:
-        return in_groups(self.taps, self.step)
+        return every(x[first:], self.taps, self.step, len(self.centres(first, len(x))))
 
     def angles(self, count: int) -> Array:
         """`count` angles of rows, w = 2 pi f step T in (0, pi)."""

@@ -26,9 +26,8 @@ from dsd_cli.identify.fit.stretches import DelayTap, Stretch, stretch_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.passes import passed
 
-#: Rows that are whitened at once, no fewer than the taps.
-_PIECE = 32
 _Kind = TypeVar("_Kind", bound=np.generic)
 
 
@@ -173,17 +172,7 @@ class Equations:
 
 def _filtered(rows: Array, taps: Array) -> Array:
     """Rows of one stretch after symmetric taps; beyond its ends they stay as they are there."""
-    if len(taps) == 1:
-        return rows * taps[0]
-    longer = np.empty((-(-len(rows) // _PIECE) + 1, _PIECE))
-    flat, end = longer.reshape(-1), HALF + len(rows)
-    flat[:HALF], flat[HALF:end], flat[end:] = rows[0], rows, rows[-1]
-    shifted = np.zeros((_PIECE, 2 * _PIECE))  # each piece and what it needs of the next, times the taps as a matrix:
-    for i in range(_PIECE):  # less than half of what `np.convolve` takes
-        shifted[i, i : i + len(taps)] = taps
-    found = longer[:-1] @ shifted[:, :_PIECE].T
-    found += longer[1:, : 2 * HALF] @ shifted[:, _PIECE : _PIECE + 2 * HALF].T
-    return found.reshape(-1)[: len(rows)]
+    return rows * taps[0] if len(taps) == 1 else passed(rows, taps, HALF)
 
 
 def equations_of(

@@ -20,6 +20,7 @@ from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.forces import IntervalChannels
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.passes import passed
 from dsd_cli.signals.runs import runs
 
 
@@ -206,8 +207,7 @@ class Stretch:
         if not self.two_intervals:
             return x * self.clear
         if smooth:
-            ends = np.concatenate([x[:1], x, x[-1:], x[-1:]])
-            return np.convolve(ends, MEAN_OF_FOUR[::-1], mode="valid") * self.clear
+            return passed(x, MEAN_OF_FOUR, 1) * self.clear
         found = x + x
         found[:-1] = x[:-1] + x[1:]
         return np.asarray(0.5 * found * self.clear)
@@ -273,4 +273,4 @@ def finite(x: Array) -> Array:
 
 def mean_of_middles(x: Array) -> Array:
     """Mean over each interval of a smooth function, from its values in the middle of the intervals."""
-    return np.convolve(np.pad(x, 1, mode="edge"), _MEAN_OF_MIDDLES, mode="valid")
+    return passed(x, _MEAN_OF_MIDDLES, 1)

@@ -1,0 +1,81 @@
+"""Passes over samples of which an identification makes thousands: compiled where the build had a compiler, else NumPy.
+
+The sums of `_passes.c` differ from those that stand here by rounding.
+"""
+
+from __future__ import annotations
+
+import importlib
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from dsd_cli.signals.decimating import decimated, in_groups
+from dsd_cli.signals.log import Array
+
+#: Values that NumPy makes at once, as a product with a matrix of the taps: less than half of what `np.convolve` takes.
+_PIECE = 32
+
+
+def _find_compiled() -> Any:
+    try:
+        return importlib.import_module("dsd_cli.signals._passes")
+    except ImportError:
+        return None
+
+
+#: The compiled module, or None where the build had no compiler.
+COMPILED = _find_compiled()
+
+
+def passed(x: Array, taps: Array, before: int, compiled: Any = COMPILED) -> Array:
+    """y_i = sum_k taps_k x_(i + k - before), shape (n,) as x; beyond its ends x stays as it is there."""
+    if not len(x):
+        return np.zeros(0)
+    if compiled is not None:
+        out = np.empty(len(x))
+        compiled.passed(_row(x), _row(taps), before, 1, out)
+        return out
+    behind = len(taps) - 1 - before
+    if len(taps) > _PIECE or max(before, behind) > _PIECE or not len(x):
+        return (
+            np.convolve(np.pad(x, (before, behind), mode="edge"), taps[::-1], mode="valid") if len(x) else np.zeros(0)
+        )
+    longer = np.empty((-(-len(x) // _PIECE) + 1, _PIECE))
+    flat, end = longer.reshape(-1), before + len(x)
+    flat[:before], flat[before:end], flat[end:] = x[0], x, x[-1]
+    shifted = np.zeros((_PIECE, 2 * _PIECE))  # each piece and what it needs of the next, times the taps as a matrix
+    for i in range(_PIECE):
+        shifted[i, i : i + len(taps)] = taps
+    reach = len(taps) - 1
+    found = longer[:-1] @ shifted[:, :_PIECE].T
+    found += longer[1:, :reach] @ shifted[:, _PIECE : _PIECE + reach].T
+    return np.asarray(found.reshape(-1)[: len(x)])
+
+
+def every(x: Array, taps: Array, step: int, count: int, compiled: Any = COMPILED) -> Array:
+    """`count` values, shape (count,): the taps times x, finite, from each `step` samples on; none reach beyond x."""
+    if compiled is None or not count:
+        return decimated(x, _groups(taps.tobytes(), step), count)
+    out = np.empty(count)
+    compiled.passed(_row(x), _row(taps), 0, step, out)
+    return out
+
+
+@lru_cache(maxsize=16)
+def _groups(taps: bytes, step: int) -> Array:
+    return in_groups(np.frombuffer(taps), step)
+
+
+def sine_and_cosine_of(angle: Any, compiled: Any = COMPILED) -> tuple[Any, Any]:
+    """(sine, cosine) of an angle, or of each of an array of shape (n,), in radians."""
+    if compiled is None or not isinstance(angle, np.ndarray) or angle.dtype != np.float64:
+        return np.sin(angle), np.cos(angle)
+    sine, cosine = np.empty(angle.shape), np.empty(angle.shape)
+    compiled.sine_cosine(_row(angle), sine, cosine)
+    return sine, cosine
+
+
+def _row(x: Array) -> Array:
+    return np.ascontiguousarray(x, dtype=np.float64)
