@@ -91,7 +91,7 @@ class Frame:
     def mean_u(self, command: Array, delay: float) -> Array:
         """Mean of command(t - L) over each interval; `command` shape (n,) is held from sample to sample."""
         ahead = 1 - self._lag
-        held = np.append(command, command[-1:] if ahead else [])
+        held = np.append(command, command[-1:]) if ahead else command
         if self._stamps is None:
             return np.asarray(delayed_mean(held, delay, self.log.sample_time)[ahead:])
         times = np.append(self._stamps, self._stamps[-1:] + self.log.sample_time if ahead else [])

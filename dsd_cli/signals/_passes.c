@@ -2,6 +2,8 @@
  *
  *   passed        y_i = sum taps_k x_(i step + k - before); beyond its ends x stays as it is there
  *   sine_cosine   sine and cosine of angles
+ *   products      inner products of columns, by segment
+ *   mixed         sums of columns times weights, by segment
  *
  * passes.py holds the readable twins; sums differ from them by rounding. x86 processors with AVX2 take a second copy of
  * the loops. CPython limited API and buffers of doubles only: no NumPy headers.
@@ -93,10 +95,60 @@ INLINE void turn(const double *x, double *sine, double *cosine, Py_ssize_t rows)
     }
 }
 
+/* columns whose products with others are made at once, and of those; rows that stay at hand meanwhile */
+#define OWN 2
+#define OTHERS 4
+#define AT_HAND 512
+
+INLINE double all_of(v4 x) { return (x[0] + x[2]) + (x[1] + x[3]); }
+
+/* sum_k += own_i x other_j over rows, k = OTHERS i + j */
+INLINE void tile(const double **own, const double **other, Py_ssize_t rows, double *sum) {
+    v4 s[OWN * OTHERS] = {{0}};
+    Py_ssize_t n, i, j;
+    for (n = 0; n + 4 <= rows; n += 4) {
+        const v4 a = *(const v4 *)(own[0] + n), b = *(const v4 *)(own[1] + n);
+        for (j = 0; j < OTHERS; j++) {
+            const v4 x = *(const v4 *)(other[j] + n);
+            s[j] += a * x;
+            s[OTHERS + j] += b * x;
+        }
+    }
+    for (i = 0; i < OWN; i++)
+        for (j = 0; j < OTHERS; j++) {
+            double rest = all_of(s[OTHERS * i + j]);
+            Py_ssize_t m;
+            for (m = n; m < rows; m++) rest += own[i][m] * other[j][m];
+            sum[OTHERS * i + j] += rest;
+        }
+}
+
+/* out (columns x columns) += the products of rows a to b; half of it, the others are the same */
+INLINE void multiply(const double **x, Py_ssize_t columns, Py_ssize_t a, Py_ssize_t b, double *out) {
+    Py_ssize_t i, j, m, n;
+    for (; a < b; a += AT_HAND) {
+        const Py_ssize_t rows = b - a < AT_HAND ? b - a : AT_HAND;
+        for (i = 0; i < columns; i += OWN)
+            for (j = i; j < columns; j += OTHERS) {
+                const double *own[OWN], *other[OTHERS];
+                double sum[OWN * OTHERS] = {0};
+                for (m = 0; m < OWN; m++) own[m] = x[i + m < columns ? i + m : i] + a;
+                for (n = 0; n < OTHERS; n++) other[n] = x[j + n < columns ? j + n : j] + a;
+                tile(own, other, rows, sum);
+                for (m = 0; m < OWN && i + m < columns; m++)
+                    for (n = 0; n < OTHERS && j + n < columns; n++)
+                        out[(i + m) * columns + j + n] += sum[OTHERS * m + n];
+            }
+    }
+}
+
 #define FILTER_ARGUMENTS const double *x, Py_ssize_t rows, const double *taps, Py_ssize_t many, Py_ssize_t before, \
                          Py_ssize_t step, double *out, Py_ssize_t count, double *room, Py_ssize_t block, Py_ssize_t width
 static void filter_plain(FILTER_ARGUMENTS) { filter(x, rows, taps, many, before, step, out, count, room, block, width); }
 static void turn_plain(const double *x, double *sine, double *cosine, Py_ssize_t rows) { turn(x, sine, cosine, rows); }
+static void multiply_plain(const double **x, Py_ssize_t columns, Py_ssize_t a, Py_ssize_t b, double *out) {
+    multiply(x, columns, a, b, out);
+}
 #ifdef AVX2
 AVX2 static void filter_avx2(FILTER_ARGUMENTS) {
     filter(x, rows, taps, many, before, step, out, count, room, block, width);
@@ -104,10 +156,14 @@ AVX2 static void filter_avx2(FILTER_ARGUMENTS) {
 AVX2 static void turn_avx2(const double *x, double *sine, double *cosine, Py_ssize_t rows) {
     turn(x, sine, cosine, rows);
 }
+AVX2 static void multiply_avx2(const double **x, Py_ssize_t columns, Py_ssize_t a, Py_ssize_t b, double *out) {
+    multiply(x, columns, a, b, out);
+}
 static int wide(void) { return __builtin_cpu_supports("avx2") && __builtin_cpu_supports("fma"); }
 #else
 #define filter_avx2 filter_plain
 #define turn_avx2 turn_plain
+#define multiply_avx2 multiply_plain
 static int wide(void) { return 0; }
 #endif
 
@@ -189,9 +245,101 @@ static PyObject *sine_cosine(PyObject *module, PyObject *args) {
     Py_RETURN_NONE;
 }
 
+/* columns of doubles in a tuple, all of one length, beside where segments of them begin and the last ends, int64 */
+typedef struct {
+    Py_buffer *view, edges, numbers, out;
+    const double **x;
+    Py_ssize_t columns, opened, rows, segments;
+} Table;
+
+static void close_table(Table *t) {
+    while (t->opened > 0) PyBuffer_Release(&t->view[--t->opened]);
+    if (t->edges.obj != NULL) PyBuffer_Release(&t->edges);
+    if (t->numbers.obj != NULL) PyBuffer_Release(&t->numbers);
+    if (t->out.obj != NULL) PyBuffer_Release(&t->out);
+    free(t->view);
+    free((void *)t->x);
+}
+
+static int open_table(Table *t, PyObject *tuple, PyObject *edges, PyObject *numbers, PyObject *out) {
+    const int64_t *at;
+    Py_ssize_t k;
+    memset(t, 0, sizeof *t);
+    t->columns = PyTuple_Size(tuple);
+    t->view = calloc((size_t)t->columns + 1, sizeof *t->view), t->x = calloc((size_t)t->columns + 1, sizeof *t->x);
+    if (t->view == NULL || t->x == NULL) {
+        PyErr_NoMemory();
+        return -1;
+    }
+    for (; t->opened < t->columns; t->opened++) {
+        if (PyObject_GetBuffer(PyTuple_GetItem(tuple, t->opened), &t->view[t->opened], PyBUF_C_CONTIGUOUS)) return -1;
+        t->x[t->opened] = t->view[t->opened].buf;
+    }
+    if (PyObject_GetBuffer(edges, &t->edges, PyBUF_C_CONTIGUOUS)) return -1;
+    if (numbers != NULL && PyObject_GetBuffer(numbers, &t->numbers, PyBUF_C_CONTIGUOUS)) return -1;
+    if (PyObject_GetBuffer(out, &t->out, PyBUF_C_CONTIGUOUS | PyBUF_WRITABLE)) return -1;
+    t->rows = t->columns > 0 ? t->view[0].len / (Py_ssize_t)sizeof(double) : -1;
+    t->segments = t->edges.len / (Py_ssize_t)sizeof(int64_t) - 1, at = t->edges.buf;
+    for (k = 1; k < t->columns; k++)
+        if (t->view[k].len != t->view[0].len) t->rows = -1;
+    for (k = 0; k < t->segments && t->rows >= 0; k++)
+        if (at[k] < 0 || at[k + 1] < at[k] || at[k + 1] > t->rows) t->rows = -1;
+    return t->rows < 0 || t->segments < 0 ? 1 : 0;
+}
+
+static PyObject *closed(Table *t, int wrong) {
+    close_table(t);
+    if (wrong > 0) PyErr_SetString(PyExc_ValueError, "passes: columns of one length, and segments of it, are needed");
+    if (wrong) return NULL;
+    Py_RETURN_NONE;
+}
+
+static PyObject *products(PyObject *module, PyObject *args) {
+    PyObject *tuple, *objects[2];
+    Table t;
+    Py_ssize_t k, i, j;
+    int wrong;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "O!OO", &PyTuple_Type, &tuple, &objects[0], &objects[1])) return NULL;
+    wrong = open_table(&t, tuple, objects[0], NULL, objects[1]);
+    if (!wrong) wrong = t.out.len != t.segments * t.columns * t.columns * (Py_ssize_t)sizeof(double);
+    for (k = 0; !wrong && k < t.segments; k++) {
+        const int64_t *at = t.edges.buf;
+        double *own = (double *)t.out.buf + k * t.columns * t.columns;
+        (wide() ? multiply_avx2 : multiply_plain)(t.x, t.columns, at[k], at[k + 1], own);
+        for (i = 0; i < t.columns; i++)
+            for (j = i + 1; j < t.columns; j++) own[j * t.columns + i] = own[i * t.columns + j];
+    }
+    return closed(&t, wrong);
+}
+
+static PyObject *mixed(PyObject *module, PyObject *args) {
+    PyObject *tuple, *objects[3];
+    Table t;
+    Py_ssize_t k, i, n, m;
+    int wrong;
+    (void)module;
+    if (!PyArg_ParseTuple(args, "O!OOO", &PyTuple_Type, &tuple, &objects[0], &objects[1], &objects[2])) return NULL;
+    wrong = open_table(&t, tuple, objects[0], objects[1], objects[2]);
+    if (!wrong) wrong = t.numbers.len != t.segments * t.columns * (Py_ssize_t)sizeof(double) || t.out.len != t.view[0].len;
+    for (k = 0; !wrong && k < t.segments; k++) {
+        const int64_t *at = t.edges.buf;
+        const double *weights = (const double *)t.numbers.buf + k * t.columns;
+        for (n = at[k]; n < at[k + 1]; n += AT_HAND) {
+            const Py_ssize_t rows = at[k + 1] - n < AT_HAND ? at[k + 1] - n : AT_HAND;
+            double *out = (double *)t.out.buf + n;
+            for (i = 0; i < t.columns; i++)
+                for (m = 0; m < rows; m++) out[m] += weights[i] * t.x[i][n + m];
+        }
+    }
+    return closed(&t, wrong);
+}
+
 static PyMethodDef methods[] = {
     {"passed", passed, METH_VARARGS, "passed(x, taps, before, step, out)"},
     {"sine_cosine", sine_cosine, METH_VARARGS, "sine_cosine(x, sine, cosine)"},
+    {"products", products, METH_VARARGS, "products(columns, edges, out): out is 0 before"},
+    {"mixed", mixed, METH_VARARGS, "mixed(columns, edges, weights, out): out is 0 before"},
     {NULL, NULL, 0, NULL},
 };
 

@@ -6,10 +6,12 @@ The sums of `_passes.c` differ from those that stand here by rounding.
 from __future__ import annotations
 
 import importlib
+from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.signals.decimating import decimated, in_groups
 from dsd_cli.signals.log import Array
@@ -66,6 +68,38 @@ def every(x: Array, taps: Array, step: int, count: int, compiled: Any = COMPILED
 @lru_cache(maxsize=16)
 def _groups(taps: bytes, step: int) -> Array:
     return in_groups(np.frombuffer(taps), step)
+
+
+def products(columns: Sequence[Array], starts: Sequence[int] | NDArray[np.int_], compiled: Any = COMPILED) -> Array:
+    """Inner products of p columns, shape (N,) each, of segments that begin at `starts` and end where the next begins,
+    the last at N: shape (segments, p, p)."""
+    edges = _edges(columns, starts)
+    found = np.zeros((len(edges) - 1, len(columns), len(columns)))
+    if compiled is not None:
+        compiled.products(tuple(map(_row, columns)), edges, found)
+        return found
+    x = np.stack(columns)
+    for a, b, own in zip(edges, edges[1:], found, strict=False):
+        np.matmul(x[:, a:b], x[:, a:b].T, out=own)
+    return found
+
+
+def mixed(
+    columns: Sequence[Array], weights: Array, starts: Sequence[int] | NDArray[np.int_] = (0,), compiled: Any = COMPILED
+) -> Array:
+    """Sum of p columns, shape (N,) each, times weights, shape (N,); weights: shape (p,), or (segments, p) where each
+    segment that begins at `starts` has its own."""
+    edges, found, each = _edges(columns, starts), np.zeros(len(columns[0])), _row(np.atleast_2d(weights))
+    if compiled is not None:
+        compiled.mixed(tuple(map(_row, columns)), edges, each, found)
+        return found
+    for a, b, own in zip(edges, edges[1:], each, strict=False):
+        found[a:b] = own @ np.stack([x[a:b] for x in columns])
+    return found
+
+
+def _edges(columns: Sequence[Array], starts: Sequence[int] | NDArray[np.int_]) -> NDArray[np.int64]:
+    return np.array([*starts, len(columns[0])], dtype=np.int64)
 
 
 def sine_and_cosine_of(angle: Any, compiled: Any = COMPILED) -> tuple[Any, Any]:

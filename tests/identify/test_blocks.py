@@ -24,6 +24,10 @@ def _stretch_of_rows(lengths):
     return [i for i, length in enumerate(lengths) for _ in range(length)]
 
 
+def _segment(blocks, i):
+    return slice(blocks.starts[i], [*blocks.starts, blocks.rows][i + 1])
+
+
 @settings(max_examples=80, deadline=None)
 @given(LENGTHS, st.integers(1, 30))
 def test_every_row_is_in_exactly_one_segment_and_its_block(lengths, gap):
@@ -32,7 +36,7 @@ def test_every_row_is_in_exactly_one_segment_and_its_block(lengths, gap):
     block_of = np.full(sum(lengths), -1)
     assert len(blocks.starts) == 3 * blocks.count
     for i in range(len(blocks.starts)):
-        rows = blocks.segments[i]
+        rows = _segment(blocks, i)
         assert rows.start <= rows.stop
         seen[rows] += 1
         block_of[rows] = i // 3
@@ -54,7 +58,7 @@ def test_exactly_the_rows_within_the_gap_of_what_is_held_out_are_left_out(length
         weight = blocks.fitted(fold)
         fitted = np.zeros(blocks.rows)
         for i, w in enumerate(weight):
-            fitted[blocks.segments[i]] = w
+            fitted[_segment(blocks, i)] = w
         held = blocks.fold[block_of] == fold
         assert held.any()
         for row in places:
@@ -99,7 +103,7 @@ def test_rows_of_blocks_and_of_fits_are_counted(lengths, gap):
     block_of = blocks.block_of_rows()
     assert blocks.block_rows.tolist() == [int(np.sum(block_of == b)) for b in range(blocks.count)]
     for fold, count in enumerate(blocks.fitted_rows):
-        rows = [blocks.segments[i] for i, w in enumerate(blocks.fitted(fold)) if w > 0.0]
+        rows = [_segment(blocks, i) for i, w in enumerate(blocks.fitted(fold)) if w > 0.0]
         assert count == sum(r.stop - r.start for r in rows)
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dsd_cli.signals.passes import COMPILED, every, passed, sine_and_cosine_of
+from dsd_cli.signals.passes import COMPILED, every, mixed, passed, products, sine_and_cosine_of
 
 WAYS = [pytest.param(COMPILED, id="compiled", marks=pytest.mark.skipif(COMPILED is None, reason="not compiled")), None]
 RNG = np.random.default_rng(3)
@@ -44,6 +44,32 @@ def test_a_strided_view_and_a_single_angle_are_angles(way):
     angles = RNG.standard_normal(300)[::3]
     np.testing.assert_allclose(sine_and_cosine_of(angles, way)[0], np.sin(angles), atol=3e-16)
     assert sine_and_cosine_of(0.0, way) == (0.0, 1.0)
+
+
+@pytest.mark.parametrize("way", WAYS)
+@pytest.mark.parametrize("columns", [1, 2, 3, 5, 9, 40])
+@pytest.mark.parametrize(("rows", "starts"), [(1, (0,)), (5, (0, 2, 2, 3)), (1030, (0,)), (3000, (4, 517, 519, 2999))])
+def test_products_and_sums_of_segments(columns, rows, starts, way):
+    x = RNG.standard_normal((columns, rows))
+    weights = RNG.standard_normal((len(starts), columns))
+    found, sums = products(list(x), starts, way), mixed(list(x), weights, starts, way)
+    assert (sums[: starts[0]] == 0.0).all()
+    for own, each, a, b in zip(found, weights, starts, [*starts[1:], rows], strict=True):
+        np.testing.assert_allclose(own, x[:, a:b] @ x[:, a:b].T, atol=1e-11)
+        np.testing.assert_allclose(sums[a:b], each @ x[:, a:b], atol=1e-12)
+
+
+def test_one_set_of_weights_is_for_all_rows():
+    np.testing.assert_allclose(mixed([np.arange(3.0), np.ones(3)], np.array([2.0, 1.0])), [1.0, 3.0, 5.0])
+
+
+@pytest.mark.skipif(COMPILED is None, reason="not compiled")
+def test_segments_beyond_the_rows_are_refused():
+    for columns, edges in (((np.zeros(3), np.zeros(2)), [0, 2]), ((np.zeros(3),), [0, 4]), ((np.zeros(3),), [2, 1])):
+        with pytest.raises(ValueError, match="columns of one length"):
+            COMPILED.products(columns, np.array(edges), np.zeros((1, len(columns), len(columns))))
+    with pytest.raises(ValueError, match="columns of one length"):
+        COMPILED.mixed((np.zeros(3),), np.array([0, 3]), np.zeros(2), np.zeros(3))
 
 
 @pytest.mark.skipif(COMPILED is None, reason="not compiled")

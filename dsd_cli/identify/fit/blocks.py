@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 from dsd_cli.errors import TooShort
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.passes import products
 
 
 @dataclass(frozen=True)
@@ -48,11 +48,6 @@ class Blocks:
     def folds(self) -> int:
         """Number of folds."""
         return int(self.fold.max()) + 1
-
-    @cached_property
-    def segments(self) -> tuple[slice, ...]:
-        """Rows of each segment."""
-        return tuple(slice(a, b) for a, b in pairwise([*self.starts.tolist(), self.rows]))
 
     def block_of_rows(self) -> NDArray[np.int_]:
         """Block of each row, shape (rows,)."""
@@ -154,8 +149,7 @@ _CONDENSED = 2048
 
 def total_gram(rows: Sequence[Array]) -> Array:
     """Over all rows, shape (p+1, p+1)."""
-    x = np.stack(rows)
-    return np.asarray(x @ x.T)
+    return products(rows, (0,))[0]
 
 
 def condensed(rows: Array) -> Array:
@@ -183,11 +177,7 @@ def without_noise(gram: Array, noise: Array, rows: ArrayLike) -> Array:
 
 def grams(rows: Sequence[Array], blocks: Blocks) -> Grams:
     """All sums that a cross-validated fit needs; `rows` are the drive and the columns, shape (N,) each."""
-    x = np.stack(rows)
-    segments = np.empty((len(blocks.segments), len(x), len(x)))
-    for rows_of, gram in zip(blocks.segments, segments, strict=True):
-        part = x[:, rows_of]
-        np.matmul(part, part.T, out=gram)
+    segments = products(rows, blocks.starts)
     held_out = segments.reshape(-1, 3, *segments.shape[1:]).sum(axis=1)
     return Grams(segments.sum(axis=0), np.tensordot(blocks.weights, segments, axes=1), held_out)
 

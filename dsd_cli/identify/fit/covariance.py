@@ -22,6 +22,7 @@ from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.sensor import rate
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.passes import mixed
 from dsd_cli.signals.student import NORMAL, student_quantile
 
 #: Relative step of numerical derivatives.
@@ -183,7 +184,7 @@ def information(fit: Fit, solver: Solver) -> Information:
     normal = without_noise(found.total, np.pad(design.noise, (0, len(shapes))), len(rows[0]))[1:, 1:]
     residual = np.concatenate([[1.0], -fit.total, np.zeros(len(shapes))])
     scores, normals = found.held_out[:, 1:, :] @ residual, found.held_out[:, 1:, 1:]
-    kept = 1.0 - _restless(fit, solver.bank, normal, residual @ np.stack(rows))
+    kept = 1.0 - _restless(fit, solver.bank, normal, mixed(rows, residual))
     normal[SHARE, SHARE] *= kept
     normals[:, SHARE, SHARE] *= kept
     return Information(normal, normals, scores, shapes, _returned(fit, solver.bank, design.noise))

@@ -23,6 +23,7 @@ from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.passes import mixed
 
 #: Why an effect cannot be told in the inverse form.
 NEEDS_ACCELERATION = (
@@ -133,6 +134,6 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
         return best
     here, kept = refined(min(near_by, key=nats), step), solver.bank.equations.kept
     further = distance(best) - distance(here)
-    was, left = (solver.fit(terms, n).forward @ np.stack(solver.bank.rows(terms, n)) for n in (here, best))
+    was, left = (mixed(solver.bank.rows(terms, n), solver.fit(terms, n).forward) for n in (here, best))
     by_chance = max(shared_inflation(left[kept], (was - left)[kept]), 1.0)  # Bartlett's factor
     return best if nats(here) - nats(best) + further > further * by_chance else here

@@ -22,6 +22,7 @@ from dsd_cli.identify.results import Score
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.once import once
+from dsd_cli.signals.passes import mixed
 
 
 class Errors:
@@ -35,7 +36,6 @@ class Errors:
         self.bank, self.equations, self.blocks = bank, bank.equations, blocks
         self._aside = Bank(holdout) if holdout is not None else None
         self._keep = self.equations.kept
-        self._fold = blocks.fold[blocks.block_of_rows()]
 
     @cached_property
     def force(self) -> float:
@@ -54,7 +54,7 @@ class Errors:
     def cancelled(self, fit: Fit, term: Term) -> bool:
         """Whether others of a fit must hold this one: its force is more than u and J a together, rms."""
         rows, at = self.bank.rows(fit.terms, fit.tap), fit.columns_of(term)
-        force = fit.total[at] @ np.stack(rows[1 + at.start : 1 + at.stop])
+        force = mixed(rows[1 + at.start : 1 + at.stop], fit.total[at])
         moving = self.force + whole_inertia(fit) * _rms(self.bank.acceleration[self._keep])
         return _rms(force[self._keep]) > moving
 
@@ -69,10 +69,10 @@ class Errors:
 
         Shape (N,), 0 in rows that do not count.
         """
-        rows = np.stack(self.bank.rows(fit.terms, fit.tap))
+        rows = self.bank.rows(fit.terms, fit.tap)
         if not held_out:
-            return np.asarray(fit.forward @ rows * self._keep)
-        return np.asarray(np.einsum("ni,in->n", fit.forward_folds[self._fold], rows) * self._keep)
+            return mixed(rows, fit.forward) * self._keep
+        return mixed(rows, fit.forward_folds[self.blocks.fold], self.blocks.starts[::3]) * self._keep
 
     @once
     def noise_of_u(self, fit: Fit) -> bool:
@@ -104,10 +104,10 @@ class Errors:
         errors, u = left_by(self.bank, model)
         if self._aside is not None:
             return _score(errors, _rms(left_by(self._aside, model)[0]), u)
-        rows, theta = self.bank.rows(fit.terms, fit.tap), fit.folds[self._fold]
+        rows, theta = self.bank.rows(fit.terms, fit.tap), fit.folds[self.blocks.fold]
         if weightless:
             theta[:, INERTIA] = scale.inertia
-        held = rows[0] - np.einsum("ni,in->n", theta, np.stack(rows[1:]))
+        held = rows[0] - mixed(rows[1:], theta, self.blocks.starts[::3])
         return _score(errors, _rms(held[self._keep]), u)
 
 
@@ -118,7 +118,7 @@ def left_by(bank: Bank, model: PlantModel) -> tuple[Array, Array]:
     if any("u" in t.effect.needs for t in terms):  # a law of u looks at u as late as the drive is, not at whole steps
         bank = bank.between(float(theta[SHARE]))
     rows, keep = bank.rows(terms, tap), bank.equations.kept
-    left = rows[0] - theta @ np.stack(rows[1:])
+    left = rows[0] - mixed(rows[1:], theta)
     return left[keep], bank.command((), tap, has_friction(terms))[keep]
 
 

@@ -24,6 +24,7 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.stretches import Stretch
 from dsd_cli.identify.results import DELAY
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.passes import mixed
 
 #: Groups of channels whose functions are tried, the simple ones first. The acceleration is excluded: as measured, it
 #: contains the unknown force. `GAIN`: u times a function of the other channel, which an inertia that varies shows, too.
@@ -211,7 +212,7 @@ def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, in
     for term, width in zip(fit.terms, fit.widths, strict=True):
         own = columns[at - FIXED : at - FIXED + width]
         if term.effect.listed:  # an event that a fold did not see has no coefficient of its own there
-            target = target + fit.forward[1 + at : 1 + at + width] @ np.stack(own)
+            target = target + mixed(own, fit.forward[1 + at : 1 + at + width])
         else:
             base += own
             owners += [term.id] * width
@@ -240,4 +241,4 @@ def rich_residual(fits: FreeformFits) -> Array:
     rows = [fits.base[0], *columns]
     theta = solve(total_gram(rows)[None], SIZE)[0]
     used = min(len(columns) / max(len(rows[0]), 1), MOST_USED)  # degrees of freedom: a fit leaves less than the noise
-    return np.asarray((rows[0] - theta @ np.stack(columns)) / math.sqrt(1.0 - used))
+    return np.asarray((rows[0] - mixed(columns, theta)) / math.sqrt(1.0 - used))

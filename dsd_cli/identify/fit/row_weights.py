@@ -24,6 +24,7 @@ from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.once import once
+from dsd_cli.signals.passes import mixed
 from dsd_cli.signals.runs import runs
 
 #: Mean of sgn v from which on the direction is sure; rounds in which the weights are found, and the delay.
@@ -170,7 +171,7 @@ def _harmless(fit: Fit, bank: Bank, sure: NDArray[np.bool_]) -> float:
     for term in fit.terms:
         if term.effect.role is Role.FRICTION:
             at = fit.columns_of(term)
-            friction += fit.total[at] @ np.stack(rows[1 + at.start : 1 + at.stop])
+            friction += mixed(rows[1 + at.start : 1 + at.stop], fit.total[at])
     size, noise = (float(np.mean(x[sure] ** 2)) for x in (friction, residual_of_u(fit, bank)))
     return POLICY.harmless_lean * math.sqrt(noise / max(size, 1e-300))
 
@@ -228,4 +229,4 @@ def uncertain(equations: Equations, creeping: bool = True, resting: bool = True)
 def residual_of_u(fit: Fit, bank: Bank) -> Array:
     """What a fit of u by the motion leaves of each row, shape (N,)."""
     rows = bank.rows(fit.terms, fit.tap)
-    return np.asarray(rows[0] - fit.total @ np.stack(rows[1:]))
+    return np.asarray(rows[0] - mixed(rows[1:], fit.total))

@@ -79,6 +79,8 @@ _CERTAIN = 4.0
 _MIDDLE_OF_FOUR = np.array([-1.0, 9.0, 9.0, -1.0]) / 16.0
 #: Cubic through the values at -1, 0, 1 and 2: the powers (columns) in the weight of each.
 _CUBIC = np.array([[0.0, -2.0, 3.0, -1.0], [6.0, -3.0, -6.0, 3.0], [0.0, 6.0, 3.0, -3.0], [0.0, -1.0, 0.0, 1.0]]) / 6.0
+#: Mean over two intervals, that before a sample and the next.
+_HALVES = np.array([0.5, 0.5])
 #: Mean over an interval out of the values in the middle of it and of its neighbours.
 _MEAN_OF_MIDDLES = np.array([1.0, 22.0, 1.0]) / 24.0
 
@@ -208,9 +210,7 @@ class Stretch:
             return x * self.clear
         if smooth:
             return passed(x, MEAN_OF_FOUR, 1) * self.clear
-        found = x + x
-        found[:-1] = x[:-1] + x[1:]
-        return np.asarray(0.5 * found * self.clear)
+        return passed(x, _HALVES, 0) * self.clear
 
 
 def stretch_of(log: Log, recording: Recording, owner: int) -> Stretch:

@@ -26,6 +26,7 @@ from dsd_cli.identify.fit.values import MOST_SHARE
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.scan import Scan
 from dsd_cli.signals.once import Answers, once, with_answers
+from dsd_cli.signals.passes import mixed
 from dsd_cli.signals.rounding import ROUNDING
 
 #: Steps that a delay walks from where it was, and the share of one from which on the next is nearer.
@@ -162,7 +163,7 @@ class Evidence:
 
     def _left(self, fit: Fit) -> np.ndarray:
         """Whitened residual of the form that is evidence, shape (N,)."""
-        return np.asarray(fit.forward @ np.stack(self.solver.bank.rows(fit.terms, fit.tap)))
+        return mixed(self.solver.bank.rows(fit.terms, fit.tap), fit.forward)
 
     def matters(self, before: Fit, after: Fit) -> bool:
         """Whether going from one fit to the other is certain and of use."""

@@ -32,6 +32,7 @@ from dsd_cli.identify.search.drift_search import searched
 from dsd_cli.identify.search.long_logs import Task
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.passes import mixed
 
 #: Channels of the motion whose functions stand beside the levels.
 _MOTION = (("velocity",), ("position",))
@@ -200,7 +201,7 @@ def _without_known(bank: Bank) -> Bank:
 def _nats(rows: Sequence[Array], counted: Array) -> float:
     """Squares per nat of what all columns leave of the first row: levels that are not known yet are no noise."""
     gram = total_gram(rows)
-    left = rows[0] - solve(gram[None], _RIDGE)[0] @ np.stack(rows[1:])
+    left = rows[0] - mixed(rows[1:], solve(gram[None], _RIDGE)[0])
     free = max(float(counted.sum()) - len(rows), 0.1 * float(counted.sum()))
     return 2.0 * float(left @ left) / free * inflation(left)
 
