@@ -11,7 +11,7 @@ PYTEST := $(BIN)/python -m pytest -n 3 --dist worksteal
 
 setup: $(STAMP)
 
-$(STAMP): pyproject.toml setup.py $(wildcard dsd_cli/detect/_kernel.c dsd_cli/detect/_goodness.c dsd_cli/effects/_memory.c dsd_cli/signals/_passes.c dsd_cli/files/_csv_text.c)
+$(STAMP): pyproject.toml setup.py $(wildcard dsd_cli/detect/_kernel.c dsd_cli/detect/_goodness.c dsd_cli/effects/_memory.c dsd_cli/signals/_passes.c dsd_cli/signals/_signed.c dsd_cli/files/_csv_text.c)
 	$(PYTHON) -m venv $(VENV)
 	$(BIN)/python -m pip install -q --disable-pip-version-check --no-compile -e ".[dev]"
 	touch $(STAMP)
@@ -75,4 +75,4 @@ beyond: setup
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m bench.beyond $(ITEMS)
 
 clean:
-	rm -rf $(VENV) build dist out *.egg-info dsd_cli/detect/_kernel*.so dsd_cli/detect/_goodness*.so dsd_cli/effects/_memory*.so dsd_cli/signals/_passes*.so dsd_cli/files/_csv_text*.so
+	rm -rf $(VENV) build dist out *.egg-info dsd_cli/detect/_kernel*.so dsd_cli/detect/_goodness*.so dsd_cli/effects/_memory*.so dsd_cli/signals/_passes*.so dsd_cli/signals/_signed*.so dsd_cli/files/_csv_text*.so

@@ -49,6 +49,14 @@ setup(
             optional=True,
         ),
         Extension(
+            "dsd_cli.signals._signed",
+            sources=["dsd_cli/signals/_signed.c"],
+            define_macros=[("Py_LIMITED_API", "0x030B0000")],
+            extra_compile_args=["-O2"],
+            py_limited_api=True,
+            optional=True,
+        ),
+        Extension(
             "dsd_cli.files._csv_text",
             sources=["dsd_cli/files/_csv_text.c"],
             define_macros=[("Py_LIMITED_API", "0x030B0000")],

@@ -19,6 +19,7 @@ from dsd_cli.errors import TooShort
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.passes import products
+from dsd_cli.signals.signed import normal_equations
 
 
 @dataclass(frozen=True)
@@ -180,19 +181,6 @@ def grams(rows: Sequence[Array], blocks: Blocks) -> Grams:
     segments = products(rows, blocks.starts)
     held_out = segments.reshape(-1, 3, *segments.shape[1:]).sum(axis=1)
     return Grams(segments.sum(axis=0), np.tensordot(blocks.weights, segments, axes=1), held_out)
-
-
-def normal_equations(matrices: Array, ridge: float | Array = 1e-9) -> tuple[Array, Array, Array]:
-    """(matrix (M, p, p), right side (M, p), scale (p,)) of a stack of Gram matrices of (y, columns).
-
-    `ridge` is added to the columns scaled to unit length (by their mean over the stack, so that a column that one
-    fold never saw is ruled by it); a number or a matrix of shape (p, p).
-    """
-    a, b = matrices[:, 1:, 1:], matrices[:, 1:, 0]
-    size_of = np.abs(a.diagonal(axis1=1, axis2=2).sum(axis=0))  # below 0 where the noise that was taken off was all
-    scale = np.sqrt(np.maximum(size_of / len(a), 1e-300))
-    added = ridge * np.eye(len(scale)) if isinstance(ridge, float) else ridge
-    return a / (scale[:, None] * scale) + added, b / scale, scale
 
 
 def solve(matrices: Array, ridge: float | Array = 1e-9) -> Array:

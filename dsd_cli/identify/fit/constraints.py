@@ -17,11 +17,11 @@ import numpy as np
 
 from dsd_cli.effects import Role
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, SHARE, Term, Terms
-from dsd_cli.identify.fit.blocks import normal_equations
 from dsd_cli.identify.fit.priors import PriorKnowledge, is_shape
 from dsd_cli.identify.results import DELAY
 from dsd_cli.identify.results import INERTIA as INERTIA_NAME
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.signed import signed
 
 #: Relative step of numerical slopes, and relative tolerance of a value that is held.
 _STEP, _NEAR = 1e-6, 1e-9
@@ -213,10 +213,6 @@ def _reduced(equalities: Sequence[Array], priors: Sequence[Array], size: int) ->
     return Reduction(expand, left, np.array(priors).reshape(-1, size))
 
 
-#: Share of the target's norm below which the projection of a residual on a column is rounding.
-_ROUNDING = 1e-7
-
-
 def solved(stack: Array, target: int, signs: Sequence[int], rules: Reduction | None = None) -> tuple[Array, Array]:
     """(coefficients of all rows but the target, shape (M, p), weights of all rows in the residual, shape (M, p+1)).
 
@@ -242,35 +238,5 @@ def solved(stack: Array, target: int, signs: Sequence[int], rules: Reduction | N
 
 def _signed(stack: Array, target: int, signs: Sequence[int]) -> tuple[Array, Array]:
     """`solved` without rules."""
-    others = [i for i in range(stack.shape[1]) if i != target]
-    free, total, returned = list(range(len(others))), stack[0], set[int]()
-    size = np.sqrt(np.maximum(total.diagonal()[others], 1e-300))
-    order = np.array([target, *others])
-    normal, right, scale = normal_equations(stack[:, order[:, None], order] if target else stack)
-
-    def fits(count: int) -> Array:
-        at = np.array(free, dtype=np.intp)
-        return np.asarray(np.linalg.solve(normal[:count, at[:, None], at], right[:count, at, None])[..., 0] / scale[at])
-
-    while True:
-        theta = fits(1)
-        wrong = [(k, t) for k, t in zip(free, theta[0].tolist(), strict=True) if signs[k] * t < 0.0]
-        if wrong:
-            free.remove(min(wrong, key=lambda w: signs[w[0]] * w[1] * size[w[0]])[0])
-            continue
-        if len(free) == len(others):
-            break
-        # active set: a coefficient held at 0 is freed again, once, if its gradient has the right sign
-        least = _ROUNDING * math.sqrt(max(total[target, target], 0.0))
-        index = [target, *(others[k] for k in free)]
-        left = (total[others][:, index] @ np.concatenate([[1.0], -theta[0]])) / size * signs
-        back = [k for k in range(len(others)) if k not in free and k not in returned and left[k] > least]
-        if not back:
-            break
-        free.append(max(back, key=lambda k: left[k]))
-        returned.add(free[-1])
-    found = np.zeros((len(stack), len(others)))
-    found[:, free] = fits(len(stack)) if len(stack) > 1 else theta
-    weights = np.zeros((len(stack), len(others) + 1))
-    weights[:, target], weights[:, others] = 1.0, -found
-    return found, weights
+    found = signed(stack, target, signs)
+    return found, np.insert(-found, target, 1.0, axis=1)
