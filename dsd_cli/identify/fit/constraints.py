@@ -239,4 +239,6 @@ def solved(stack: Array, target: int, signs: Sequence[int], rules: Reduction | N
 def _signed(stack: Array, target: int, signs: Sequence[int]) -> tuple[Array, Array]:
     """`solved` without rules."""
     found = signed(stack, target, signs)
-    return found, np.insert(-found, target, 1.0, axis=1)
+    weights = np.ones((len(stack), len(signs) + 1))
+    weights[:, :target], weights[:, target + 1 :] = -found[:, :target], -found[:, target:]
+    return found, weights
