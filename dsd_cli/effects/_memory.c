@@ -228,6 +228,18 @@ static void set_clock(Clock *clock, const Coupling *k, double interval) {
     clock->all = repeated(&clock->once, clock->steps);
 }
 
+/* `advance` of a load that hangs on a spring and damper alone: what waits for the row before is three operations long */
+static inline double hanging(const Clock *clock, double position, double velocity, double slope, Load *load) {
+    const Map *m = &clock->all;
+    const double moved = 0.5 * clock->interval * velocity, sped = 0.5 * clock->interval * slope;
+    const double a = position - moved, b = velocity - sped, q = load->position, v = load->velocity;
+    const double place = position + moved - m->qq * a - m->qv * b - m->qp * slope;
+    const double speed = velocity + sped - m->vq * a - m->vv * b - m->vp * slope;
+    load->position = place + (m->qq * q + m->qv * v);
+    load->velocity = speed + (m->vq * q + m->vv * v);
+    return (load->velocity - v) * clock->rate;
+}
+
 /* mean acceleration of the load over an interval behind a motor that moves along a parabola: mean of its end positions,
  * mean speed, rate of that */
 static double advance(const Coupling *k, const Clock *clock, double position, double velocity, double slope,
@@ -236,6 +248,7 @@ static double advance(const Coupling *k, const Clock *clock, double position, do
     double apart = position - 0.5 * t * velocity - load->position, sum = 0.0, mean;
     double closing = velocity - 0.5 * t * slope - load->velocity;
     Py_ssize_t i, j;
+    if (!(k->half_gap > 0.0)) return hanging(clock, position, velocity, slope, load);
     if (!by_one_law(k, &clock->all, slope, 1.0, t, clock->rate, &apart, &closing, &mean)) {
         for (i = 0; i < clock->steps; i++) {
             if (!by_one_law(k, &clock->once, slope, 1.0, h, often, &apart, &closing, &mean)) {
@@ -268,6 +281,21 @@ static double one_row(const Coupling *k, Clock *clock, double position, double v
     return advance(k, clock, position, velocity, slope, load);
 }
 
+/* rows of one length for a load without play, until another comes: how many */
+static Py_ssize_t linear_rows(const Coupling *k, const Clock *clock, const double *position, const double *velocity,
+                              const double *interval, Py_ssize_t rows, Load *load, double *out) {
+    Load own = *load;  /* a local that nothing points to stays in registers */
+    Py_ssize_t i;
+    if (k->half_gap > 0.0 || own.interval != clock->interval) return 0;
+    for (i = 0; i < rows && interval[i] == clock->interval; i++) {
+        const double slope = (velocity[i] - own.motor_velocity) / clock->interval;
+        own.motor_velocity = velocity[i];
+        out[i] = hanging(clock, position[i], velocity[i], slope, &own);
+    }
+    *load = own;
+    return i;
+}
+
 static PyObject *load_rows(PyObject *module, PyObject *args) {
     PyObject *objects[4];
     Columns c;
@@ -285,7 +313,10 @@ static PyObject *load_rows(PyObject *module, PyObject *args) {
         const double *position = c.view[0].buf, *velocity = c.view[1].buf, *interval = c.view[2].buf;
         double *out = c.view[3].buf;
         Py_BEGIN_ALLOW_THREADS
-        for (i = 0; i < c.rows; i++) out[i] = one_row(&k, &clock, position[i], velocity[i], interval[i], &load);
+        for (i = 0; i < c.rows; i++) {
+            i += linear_rows(&k, &clock, position + i, velocity + i, interval + i, c.rows - i, &load, out + i);
+            if (i < c.rows) out[i] = one_row(&k, &clock, position[i], velocity[i], interval[i], &load);
+        }
         Py_END_ALLOW_THREADS
     }
     close_columns(&c);

@@ -16,7 +16,9 @@ def _columns(channels: Channels, shape: Shape, state: float | None) -> tuple[tup
     """
     u = channels.u
     time_constant = shape["time_constant"]
-    left, mean_left = decay(channels.interval / time_constant if time_constant > 0.0 else np.inf * (u * 0.0 + 1.0))
+    even = isinstance(channels.interval, np.ndarray) and not any(channels.interval.strides)  # one for all rows
+    interval = channels.interval[:1] if even else channels.interval
+    left, mean_left = decay(interval / time_constant if time_constant > 0.0 else np.inf * (u * 0.0 + 1.0))
     if np.ndim(u) == 0:
         before = u if state is None else state
         return (u + (before - u) * mean_left,), left * before + (1.0 - left) * u

@@ -274,6 +274,9 @@ def decay(x: Any) -> tuple[Any, Any]:
     if isinstance(x, float):  # in a simulation, sample by sample
         return math.exp(-x), -math.expm1(-x) / x if x > 0.0 else 1.0
     left = np.exp(-x)
+    moving = x > 0.0
+    if np.all(moving):
+        return left, np.expm1(-x) / -x
     with np.errstate(invalid="ignore", divide="ignore"):
-        mean = np.where(x > 0.0, -np.expm1(-x) / np.where(x > 0.0, x, 1.0), 1.0)
+        mean = np.where(moving, -np.expm1(-x) / np.where(moving, x, 1.0), 1.0)
     return left, mean

@@ -24,8 +24,10 @@ def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
     """Mean over the interval at its mean speed; the speed is there wherever the position is."""
     periods = shape["periods"]
     angle = periods * channels.position
-    moved = sinc(periods * channels.velocity * channels.interval / (2.0 * np.pi))
     sine, cosine = sine_and_cosine_of(angle)
+    if not np.any(channels.interval):
+        return sine, cosine
+    moved = sinc(periods * channels.velocity * channels.interval / (2.0 * np.pi))
     return moved * sine, moved * cosine
 
 

@@ -24,8 +24,10 @@ def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
     """Mean over the interval around t, exact."""
     frequency = shape["frequency"]
     angle = 2.0 * np.pi * frequency * channels.t
-    mean = sinc(frequency * channels.interval)
     sine, cosine = sine_and_cosine_of(angle)
+    if not np.any(channels.interval):
+        return sine, cosine
+    mean = sinc(frequency * channels.interval)
     return mean * sine, mean * cosine
 
 

@@ -8,6 +8,8 @@ for loads that hang on it.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from dsd_cli.effects import Channels, Role, Shape, get_effect
@@ -106,12 +108,21 @@ class Frame:
                 command = self.changed_command(name, effect.to_columns(values)[1], command)
         return command
 
+    @cached_property
+    def _ahead(self) -> Array:
+        """s of the interval that begins at each sample."""
+        if self._stamps is None:
+            return self.intervals
+        return np.append(self.intervals[1:], self.log.sample_time)
+
+    @cached_property
+    def _middles(self) -> Array:
+        return np.asarray(self.times + 0.5 * self._ahead)
+
     def changed_command(self, effect_id: str, shape: Shape, command: Array) -> Array:
         """`command` after the input effect of that shape."""
-        missing = np.full(len(command), np.nan)
-        times = self.times
-        ahead = np.append(self.intervals[1:], self.log.sample_time)
-        channels = Channels(times + 0.5 * ahead, command, missing, missing, ahead)
+        missing = np.broadcast_to(np.nan, len(command))
+        channels = Channels(self._middles, command, missing, missing, self._ahead)
         (changed,), _ = get_effect(effect_id).run(channels, shape)
         return np.asarray(changed)
 

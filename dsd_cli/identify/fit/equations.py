@@ -96,7 +96,7 @@ class Equations:
     def plain(self, by_stretch: Sequence[Array]) -> Array:
         """Averaged forces of every stretch -> rows in the unit of u, joined."""
         pairs = zip(by_stretch, self.bands_of_stretches, strict=True)
-        return np.concatenate([band.rows(x, self.startup) for x, band in pairs])
+        return _joined([band.rows(x, self.startup) for x, band in pairs])
 
     def acting(self, raw: Sequence[Array], smooth: bool, held: bool) -> Array:
         """Forces per interval of every stretch -> rows in the unit of u; see `Stretch.acting`."""
@@ -121,7 +121,7 @@ class Equations:
 
     def whitened(self, rows: Array) -> Array:
         """Rows (in the unit of u) made white."""
-        white = np.concatenate(
+        white = _joined(
             [_filtered(x, self.whitening[i]) for x, i in zip(self.by_stretch(rows), self.owners, strict=True)]
         )
         return white if self.row_weight is None else white * self.row_weight
@@ -168,6 +168,10 @@ class Equations:
         """Rows as arrays per stretch, of each recording."""
         pairs = list(zip(self.owners, self.by_stretch(rows), strict=True))
         return [[x for k, x in pairs if k == i] for i in range(len(self.recordings))]
+
+
+def _joined(parts: list[Array]) -> Array:
+    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def _filtered(rows: Array, taps: Array) -> Array:

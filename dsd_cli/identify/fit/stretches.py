@@ -126,6 +126,10 @@ class Stretch:
     noisy: bool = False
 
     @cached_property
+    def _whole(self) -> bool:
+        return bool(np.all(self.clear == 1.0))
+
+    @cached_property
     def answer(self) -> FeedbackNoise:
         """How u answers the noise of the sensor."""
         return feedback_noise_of(self.log["u"], self.measured, self.log.sample_time)
@@ -163,7 +167,7 @@ class Stretch:
             return [self.sign * c for c in columns]
         if effect.role is Role.STRUCTURE:
             return columns
-        return [-c if effect.memory else -mean_of_middles(c) for c in columns]
+        return [-c if effect.memory else passed(c, -_MEAN_OF_MIDDLES, 1) for c in columns]
 
     def acting(self, x: Array, smooth: bool, held: bool) -> Array:
         """A force per interval as the acceleration averages it.
@@ -208,9 +212,8 @@ class Stretch:
         """x per interval -> as the acceleration averages it."""
         if not self.two_intervals:
             return x * self.clear
-        if smooth:
-            return passed(x, MEAN_OF_FOUR, 1) * self.clear
-        return passed(x, _HALVES, 0) * self.clear
+        found = passed(x, MEAN_OF_FOUR, 1) if smooth else passed(x, _HALVES, 0)
+        return found if self._whole else found * self.clear
 
 
 def stretch_of(log: Log, recording: Recording, owner: int) -> Stretch:
