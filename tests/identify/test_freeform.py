@@ -91,7 +91,7 @@ def test_without_a_function_it_is_the_forward_fit(hidden):
     without = _fits(problem, bare).fit_with((channel,)).without
     for fold in range(blocks.folds):
         for i, w in enumerate(blocks.fitted(fold)):
-            weight[blocks.segments[i]] = w
+            weight[blocks.starts[i] : [*blocks.starts, blocks.rows][i + 1]] = w
         theta = np.linalg.lstsq(columns[:, weight > 0.0].T, target[weight > 0.0], rcond=None)[0]
         for b in np.flatnonzero(blocks.fold == fold):
             left = (target - theta @ columns)[block_of == b]
