@@ -95,12 +95,12 @@ def load_open(
     config: Config, logs: Sequence[str], holdout: Sequence[str], progress: Progress | None = None
 ) -> tuple[Given, OpenLog | None]:
     """(all logs, d_hat as it was logged where its maker is open; what then says who it was). Raises as `load_given`."""
-    from dsd_cli.cli.plan import makers_of, observer_settings
+    from dsd_cli.cli.plan import makers_of, observer_of_motion
     from dsd_cli.cli.recordings import believed_model, known_values, load_holdout, load_recording
     from dsd_cli.identify.d_hat_makers import of_recording
 
     config, makers = makers_of(config, [*logs, *holdout])
-    observer, model = observer_settings(config), believed_model(config)
+    observer, model = observer_of_motion(config), believed_model(config)
     known = known_values(config)
     loaded = {path: load_recording(path, config, progress=progress) for path in logs}
     aside = {path: load_holdout(path, logs, config, progress) for path in holdout}

@@ -164,6 +164,17 @@ def observer_settings(config: Config) -> ObserverSettings:
     return ObserverSettings(section.nominal_inertia, section.time_constant, section.sign)
 
 
+#: s: the filter of an observer that nobody described.
+_STAND_IN = 0.01
+
+
+def observer_of_motion(config: Config) -> ObserverSettings:
+    """[observer], or one of [model] inertia: d_hat that is computed from the motion changes no number of a fit."""
+    if config.observer is None and config.model.inertia is not None:
+        return ObserverSettings(config.model.inertia, _STAND_IN)
+    return observer_settings(config)
+
+
 def plant_model(config: Config, inertia: float) -> PlantModel:
     """[model]; where its inertia does not matter, `inertia` stands in."""
     model = config.model

@@ -50,14 +50,15 @@ def load_recording(
     UsageError : the config lacks [observer].
     """
     from dsd_cli.cli.d_hat_maker import half_said
-    from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_settings, plant_model, reading
+    from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_of_motion, plant_model, reading
     from dsd_cli.errors import DataError, TooShort
+    from dsd_cli.files.config import Observer
     from dsd_cli.files.logs import load_log
     from dsd_cli.identify.recordings.recording import prepare
     from dsd_cli.plant.beyond import held_beyond
 
     config = as_logged(config, path)
-    observer = observer_settings(config)
+    observer = observer_of_motion(config)
     columns = log_columns(config.signals)
     with naming(path):
         optional = {name for name in columns if name not in ("t", "u")}
@@ -65,6 +66,8 @@ def load_recording(
         loaded = load_log(path, columns, optional, **how, watch=None if progress is None else progress.watch)
     if window:
         loaded = replace(loaded, log=replace(loaded.log, source=f"{loaded.log.source} ({window})"))
+    if "d_hat" in loaded.log:
+        config.require(Observer)  # which made it
     lacking = absent(config, columns, loaded)
     loaded = by_updates(loaded)
     _check_channels(loaded.log.source, loaded)
@@ -122,11 +125,11 @@ def _as(taken: Callable[[Log, tuple[int, ...]], Updated], loaded: LoadedLog) -> 
 
 def _checked(loaded: LoadedLog, config: Config) -> CheckResult:
     """Without values."""
-    from dsd_cli.cli.plan import observer_settings
+    from dsd_cli.cli.plan import observer_of_motion
     from dsd_cli.identify.checks import check_log
 
     factors, u_shift = config.signals.factors(), config.signals.u_shift
-    observer = observer_settings(config)
+    observer = observer_of_motion(config)
     return check_log(loaded.log, None, observer, loaded.restarts, factors=factors, u_shift=u_shift, with_values=False)
 
 
@@ -162,14 +165,14 @@ def _wrong(loaded: LoadedLog, config: Config, checked: CheckResult, *, changed: 
 
     changed : the log is another than the one that was checked.
     """
-    from dsd_cli.cli.plan import observer_settings
+    from dsd_cli.cli.plan import observer_of_motion
     from dsd_cli.identify.checks import biased_by_noise, to_mend_first
 
     first: Sequence[Finding] = to_mend_first(checked)
     if not first and "reference" in loaded.log:
         given, model = known_values(config), _written_model(config)
         checked = _checked(loaded, config) if changed else checked
-        first = biased_by_noise(checked, model, observer_settings(config), given.fixed.keys() | given.priors.keys())
+        first = biased_by_noise(checked, model, observer_of_motion(config), given.fixed.keys() | given.priors.keys())
     return [f"{one.what.rstrip('?')}: {one.remedy} (dsd check says more)" for one in first]
 
 

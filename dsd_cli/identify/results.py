@@ -13,7 +13,7 @@ from dsd_cli.identify.recordings.recording import Mended
 from dsd_cli.plant.model import DELAY as DELAY
 from dsd_cli.plant.model import INERTIA as INERTIA
 from dsd_cli.plant.model import PlantModel
-from dsd_cli.signals.units import Units
+from dsd_cli.signals.units import FORCES, Units
 
 #: Verdicts that are no effect.
 NONE, UNKNOWN = "none", "unknown"
@@ -43,6 +43,11 @@ class Estimate:
     correlations: Mapping[str, float] = field(default_factory=dict)
 
 
+#: Advice where u may be in volts or amperes.
+PER_UNIT = (
+    "inertia and forces are per unit of u: where u is no torque or force (volts, amperes), J is known only up "
+    "to the gain of the drive, and a wrong gain looks just like a wrong inertia"
+)
 #: "inertia", "delay" or "<effect>.<parameter>" -> estimate.
 Estimates = Mapping[str, Estimate]
 #: (value, value, correlation) of pairs that a log hardly separates, the strongest first.
@@ -283,6 +288,8 @@ def in_units(result: Any, units: Units) -> Any:
         return tuple(in_units(value, units) for value in result)
     if isinstance(result, Units):
         return units
+    if isinstance(result, Diagnosis) and units.u in FORCES and PER_UNIT in result.advice:
+        result = replace(result, advice=tuple(line for line in result.advice if line != PER_UNIT))
     if isinstance(result, Diagnosis | Candidate | Addition | Step | Ladder | LogLevels):
         held = {f.name: getattr(result, f.name) for f in fields(result)}
         return replace(result, **{name: in_units(x, units) for name, x in held.items() if name in _WITH_UNITS})

@@ -44,6 +44,9 @@ VELOCITY = {
 #: What u / (q/s^2) is called where it has a name.
 _INERTIAS = {("N m", "rad"): "kg m^2", ("Nm", "rad"): "kg m^2", ("N", "m"): "kg"}
 
+#: Names of u that say it is a torque or a force.
+FORCES = frozenset(f"{prefix}{unit}" for prefix in ("", "m", "k") for unit in ("N m", "Nm", "N*m", "N.m", "N"))
+
 
 @dataclass(frozen=True)
 class Units:

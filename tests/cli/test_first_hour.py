@@ -218,3 +218,20 @@ def test_completion_is_installed_by_one_option(tmp_path):
     assert ran.returncode == 0
     assert "_DSD_COMPLETE=complete_bash" in ran.stdout
     assert "--install-completion" in dsd("--help", cwd=tmp_path).stdout
+
+
+def test_a_log_without_d_hat_needs_no_observer_and_one_with_it_does(tmp_path):
+    text = (SAMPLES / "servo-friction.toml").read_text()
+    start = text.index("[observer]")
+    (tmp_path / "without.toml").write_text(text[:start] + text[text.index("[model]") :])
+    rows = [line.split(",") for line in (SAMPLES / "servo-friction.csv").read_text().splitlines()]
+    bare = "\n".join(",".join((t, u, position)) for t, u, _, position, *_ in rows)
+    (tmp_path / "bare.csv").write_text(bare + "\n")
+    of_either = [
+        dsd("add", "bare.csv", "inertia", "-c", str(config), "-o", "-", cwd=tmp_path).stderr.partition("detector")[0]
+        for config in (SAMPLES / "servo-friction.toml", tmp_path / "without.toml")
+    ]
+    assert of_either[0] == of_either[1] != ""
+    refused = dsd("diagnose", str(SAMPLES / "servo-friction.csv"), "-c", "without.toml", cwd=tmp_path)
+    assert refused.returncode == 2
+    assert "[observer] is missing" in refused.stderr

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 
 from dsd_cli.effects import catalogue, kind_of
 from dsd_cli.identify.fit.freeform import GAIN
-from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate
+from dsd_cli.identify.results import DELAY, INERTIA, NONE, PER_UNIT, UNKNOWN, Candidate
 
 _GENERAL = "move at constant speed both ways, slowly and fast, over the whole travel, with a rest between the moves"
 
@@ -22,9 +22,10 @@ def advice_for(
 ) -> tuple[str, ...]:
     """Sentences, the most useful first; nearest : see `Diagnosis`. own : the model has the effect."""
     lines = []
-    rivals = named.indistinguishable_from if named is not None else ()
-    for rival in rivals:
-        lines.append(f"{verdict} or {rival}? {_experiment(verdict, rival)}")
+    alike: dict[str, list[str]] = {}
+    for rival in named.indistinguishable_from if named is not None else ():
+        alike.setdefault(_experiment(verdict, rival), [verdict]).append(rival)
+    lines += [f"{' or '.join(names)}? {experiment}" for experiment, names in alike.items()]
     if nearest:
         lines.append(f"to see whether it is {nearest}, record a longer log: {_GENERAL}")
     if verdict == UNKNOWN:
@@ -36,10 +37,7 @@ def advice_for(
         again = "dsd improve LOG -o FILE fits all values of the model again"
         lines.append(again if own else f"dsd add LOG {verdict} -o FILE puts it into the model")
     if verdict != NONE:
-        lines.append(
-            "inertia and forces are per unit of u: where u is no torque or force (volts, amperes), J is known only up "
-            "to the gain of the drive, and a wrong gain looks just like a wrong inertia"
-        )
+        lines.append(PER_UNIT)
     if "reconstructed" in provenance.get("velocity", ""):
         lines.append("speed and position were reconstructed from u and d_hat: log the position to be surer")
     return tuple(lines)
