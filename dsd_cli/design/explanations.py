@@ -10,16 +10,16 @@ import numpy as np
 
 from dsd_cli.design.closed_loop import Loop
 from dsd_cli.design.limits import Limits
-from dsd_cli.design.rows import Model, shapes_of
+from dsd_cli.design.rows import Model, at_rest, shapes_of
 from dsd_cli.effects import Channels, Effect, Role, catalogue, get_effect, is_angle
 from dsd_cli.identify.fit.bank import FIXED, SHARE
 from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
 from dsd_cli.identify.fit.covariance import root_of
+from dsd_cli.identify.fit.estimates import Grade
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.values import Grade, flat
+from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.results import DELAY
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.plant.forces import interval_forces
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
@@ -171,10 +171,10 @@ def _lacking(search: Search, plant: PlantModel, found: Fit, unexplained: float) 
     free = errors.rows_of_model(_pushed(plant, 1.0)) - left
     size = max(float(free @ free) / len(free), 1e-300)  # friction may hold the axis in all of them
     mean = -float(free @ left) / (size * len(free))
-    rests = [np.stack([s.frame.mean_u(s.log["u"], plant.delay), s.mean.position])[:, s.free == 0.0] for s in stretches]
-    u, place = np.concatenate(rests, axis=1)
+    # a load that rests pulls nothing
+    resting = {n: x for n, x in plant.effects.items() if get_effect(n).role is not Role.STRUCTURE}
+    u, force, budget = np.concatenate([at_rest(s, resting, plant) for s in stretches], axis=1)
     if len(u):
-        force, budget = interval_forces(plant.effects, Channels(0.0, u, 0.0 * u, place, 0.0 * u), plant.inertia)
         low, high = (-float(np.median(u + force + way * budget)) for way in (1.0, -1.0))
         mean = min(max(mean, low), high)
     # noise counts by the inertia, and what a crawl is found to have is often next to none
@@ -273,7 +273,7 @@ def _changed(fit: Fit, change: Array) -> Fit:
 
 def values_of(search: Search, first: Explanation, wanted: Sequence[str] | None) -> tuple[Value, ...]:
     """Weak ones, or those that were asked for, with their slopes."""
-    estimates = search.problem.values(first.fit).estimates
+    estimates = search.values(first.fit).estimates
     if wanted is None:
         wanted = [n for n, e in estimates.items() if e.grade in ("weak", "not") and not (e.held or is_angle(n))]
     found = []

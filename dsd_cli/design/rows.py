@@ -15,15 +15,18 @@ import numpy as np
 
 from dsd_cli.design.inverse import Path, as_recording
 from dsd_cli.design.seen import as_seen, times_white
-from dsd_cli.effects import Role
+from dsd_cli.effects import Channels, Role
 from dsd_cli.identify.fit.band import Band, band_of
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, Terms, columns_of, commands, has_friction, inputs_of
 from dsd_cli.identify.fit.direction import held_weight
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.row_weights import many_sure
+from dsd_cli.identify.fit.stretches import Stretch
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.plant.forces import interval_forces
+from dsd_cli.plant.model import EffectValues, PlantModel
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, with_channels
 
@@ -226,3 +229,10 @@ def variance_of(normal: Array, slope: Array) -> float:
     inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-10, hermitian=True)
     found = float((slope / size) @ inverse @ (slope / size))
     return max(found, 1e-300)
+
+
+def at_rest(s: Stretch, effects: EffectValues, plant: PlantModel) -> Array:
+    """u, the forces of effects and what friction may hold where a stretch rests, shape (3, n)."""
+    u, mean = s.frame.mean_u(s.log["u"], plant.delay), s.mean
+    seen = Channels(s.frame.times, u, mean.velocity, mean.position, s.frame.intervals)
+    return np.stack([u, *interval_forces(effects, seen, plant.inertia)])[:, s.free == 0.0]

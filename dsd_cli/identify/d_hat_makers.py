@@ -18,9 +18,10 @@ import numpy as np
 from dsd_cli.identify.checks.d_hat_maker import maker_by_motion
 from dsd_cli.identify.checks.stretches import cut
 from dsd_cli.identify.fit.bank import Terms
+from dsd_cli.identify.fit.estimates import grade
 from dsd_cli.identify.fit.problem import Problem, asked_of_all, pose
 from dsd_cli.identify.fit.testability import Settings
-from dsd_cli.identify.fit.values import flat, grade
+from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.recording import Recording, prepare

@@ -13,7 +13,7 @@ from dsd_cli.identify.recordings.recording import Mended
 from dsd_cli.plant.model import DELAY as DELAY
 from dsd_cli.plant.model import INERTIA as INERTIA
 from dsd_cli.plant.model import PlantModel
-from dsd_cli.signals.units import FORCES, Units
+from dsd_cli.signals.units import FORCES, PER_UNIT, Units
 
 #: Verdicts that are no effect.
 NONE, UNKNOWN = "none", "unknown"
@@ -43,11 +43,6 @@ class Estimate:
     correlations: Mapping[str, float] = field(default_factory=dict)
 
 
-#: Advice where u may be in volts or amperes.
-PER_UNIT = (
-    "inertia and forces are per unit of u: where u is no torque or force (volts, amperes), J is known only up "
-    "to the gain of the drive, and a wrong gain looks just like a wrong inertia"
-)
 #: "inertia", "delay" or "<effect>.<parameter>" -> estimate.
 Estimates = Mapping[str, Estimate]
 #: (value, value, correlation) of pairs that a log hardly separates, the strongest first.

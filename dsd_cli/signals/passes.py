@@ -40,10 +40,8 @@ def passed(x: Array, taps: Array, before: int, compiled: Any = COMPILED) -> Arra
         compiled.passed(_row(x), _row(taps), before, 1, out)
         return out
     behind = len(taps) - 1 - before
-    if len(taps) > _PIECE or max(before, behind) > _PIECE or not len(x):
-        return (
-            np.convolve(np.pad(x, (before, behind), mode="edge"), taps[::-1], mode="valid") if len(x) else np.zeros(0)
-        )
+    if len(taps) > _PIECE or max(before, behind) > _PIECE:
+        return np.convolve(np.pad(x, (before, behind), mode="edge"), taps[::-1], mode="valid")
     longer = np.empty((-(-len(x) // _PIECE) + 1, _PIECE))
     flat, end = longer.reshape(-1), before + len(x)
     flat[:before], flat[before:end], flat[end:] = x[0], x, x[-1]

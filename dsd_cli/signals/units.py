@@ -47,6 +47,12 @@ _INERTIAS = {("N m", "rad"): "kg m^2", ("Nm", "rad"): "kg m^2", ("N", "m"): "kg"
 #: Names of u that say it is a torque or a force.
 FORCES = frozenset(f"{prefix}{unit}" for prefix in ("", "m", "k") for unit in ("N m", "Nm", "N*m", "N.m", "N"))
 
+#: Advice where u may be in volts or amperes.
+PER_UNIT = (
+    "inertia and forces are per unit of u: where u is no torque or force (volts, amperes), J is known only up "
+    "to the gain of the drive, and a wrong gain looks just like a wrong inertia"
+)
+
 
 @dataclass(frozen=True)
 class Units:

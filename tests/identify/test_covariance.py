@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.fit.covariance import Information
-from dsd_cli.identify.fit.values import _correlations
+from dsd_cli.identify.fit.estimates import correlations_of
 
 BLOCKS, ROWS, LOGS = 12, 30, 2000
 
@@ -43,5 +43,5 @@ def test_noise_beyond_all_information_leaves_a_value_open_and_no_variance_below_
     spread = Information(normal, normal[None], np.zeros((1, 2)), ()).covariance(1.0)
     errors = np.sqrt(np.diag(spread))
     assert errors.min() > 1e3
-    assert _correlations(spread, errors, [False, False]) == pytest.approx(np.array([[1.0, -1.0], [-1.0, 1.0]]))
-    assert not _correlations(np.full((2, 2), -1.0), np.zeros(2), [False, False]).any()
+    assert correlations_of(spread, errors, [False, False]) == pytest.approx(np.array([[1.0, -1.0], [-1.0, 1.0]]))
+    assert not correlations_of(np.full((2, 2), -1.0), np.zeros(2), [False, False]).any()

@@ -48,9 +48,20 @@ def test_a_u_that_is_later_than_its_motion_is_no_missing_effect(late_ms):
     """A line at 0.99 stood in for it once: it is said, and all is asked with u on time."""
     recording, model, observer = given(RigCase(what=(), seed=4300, sensing="speed40k"), DELAY_MS + late_ms)
     found = diagnose([recording], model, observer, Settings(effects=FEW))
-    assert found.verdict == "none"
+    assert (found.verdict, found.mended is not None) == ("none", True)
+    assert found.estimates["delay"].value == pytest.approx(model.delay, abs=2e-4)
+    assert found.estimates["delay"].grade == "not"  # that of the model, of which the log says nothing
     (said,) = [w for w in found.warnings if "later than the motion" in w]
     assert float(re.search(r"by about ([0-9.]+) ms", said)[1]) == pytest.approx(late_ms, rel=0.1)
+
+
+def test_logs_of_which_one_is_late_are_not_moved_together():
+    """By the mean of both, each stayed off, and nothing was said to be missing."""
+    made = [given(RigCase(what=(), seed=4300, sensing="speed40k"), DELAY_MS + late) for late in (8, 2)]
+    recordings, (_, model, observer) = [one for one, *_ in made], made[0]
+    found = diagnose(recordings, model, observer, Settings(effects=FEW))
+    assert (found.verdict, found.mended) == ("unknown", None)
+    assert "later than the motion" in found.blocked
 
 
 def test_what_is_missing_is_named_where_u_is_the_mean_of_the_interval_before_its_stamp():

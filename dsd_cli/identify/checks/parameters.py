@@ -19,7 +19,7 @@ from dsd_cli.identify.checks.results import Parameter
 from dsd_cli.identify.checks.scan import Scanned, View, block_starts
 from dsd_cli.identify.checks.stretches import LowPass, Stretch
 from dsd_cli.identify.checks.values import believable, delay_of
-from dsd_cli.identify.fit.values import Grade, grade
+from dsd_cli.identify.fit.estimates import Grade, grade
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.prediction import Frame
 from dsd_cli.signals.log import Array, Log

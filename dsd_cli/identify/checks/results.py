@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
-from dsd_cli.identify.fit.values import Grade
+from dsd_cli.identify.fit.estimates import Grade
 from dsd_cli.signals.units import Units
 
 if TYPE_CHECKING:

@@ -1,18 +1,18 @@
-"""From coefficients of a fit to a plant model, and how sure its values are: by their relative standard errors a log
-identifies them, weakly, or not."""
+"""From coefficients of a fit to a plant model, and how sure its values are."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import FIXED, Term, Terms
 from dsd_cli.identify.fit.covariance import Information
+from dsd_cli.identify.fit.estimates import correlated, correlations_of, estimated, with_correlations
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.policy import POLICY
@@ -20,22 +20,6 @@ from dsd_cli.identify.results import DELAY, INERTIA, Correlations, Estimate
 from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
-
-Grade = Literal["identified", "weak", "not"]
-
-#: Relative standard errors up to which a value is identified, and weak.
-IDENTIFIED, WEAK = 0.1, 0.5
-#: A delay is known well enough within these shares of a sample.
-DELAY_IDENTIFIED, DELAY_WEAK = 0.5, 2.0
-
-
-def grade(size: float, error: float, sample_time: float = math.nan) -> Grade:
-    """Of a value of that size; with `sample_time` (s) of a delay, which fractions of a sample say well enough."""
-    limits = (IDENTIFIED * size, WEAK * size)
-    if math.isfinite(sample_time):
-        limits = (max(limits[0], DELAY_IDENTIFIED * sample_time), max(limits[1], DELAY_WEAK * sample_time))
-    return "identified" if error < limits[0] else "weak" if error < limits[1] else "not"
-
 
 #: How near a bound counts as on it (share of the value).
 ON_BOUND = 1e-6
@@ -183,23 +167,17 @@ def fitted_values(
     errors = np.sqrt(np.maximum(np.diag(spread), 0.0))
     estimates = {
         name: replace(
-            _estimate(name, value, float(error), units[name][0], name in stuck, known, step),
+            estimated(name, value, float(error), units[name][0], name in stuck, known, step),
             pull=pulls.get(name, math.nan),
         )
         for (name, value), error in zip(values.items(), errors, strict=True)
     }
-    together = _correlations(spread, errors, [n in known.fixed for n in values])
-    estimates = _with_correlations(_found_only(estimates, fit, known), together)
+    together = correlations_of(spread, errors, [n in known.fixed for n in values])
+    estimates = with_correlations(_found_only(estimates, fit, known), together)
     doubtful = errors > POLICY.tied_error * np.abs(list(values.values()))
     told = zip(values, np.abs(together[0]), doubtful, strict=True)
     tied = tuple(name for name, r, d in told if r > POLICY.tied_correlation and d and name not in (INERTIA, DELAY))
-    return Fitted(scale.model(fit), estimates, tied, _correlated(together, estimates), fit, covariance)
-
-
-def _correlations(spread: Array, errors: Array, held: list[bool]) -> Array:
-    """Of values; those that are held have errors of rounding, if any, and what has no error goes with nothing."""
-    size = np.outer(free := np.where(held, 0.0, errors), free)
-    return np.asarray(np.clip(np.divide(spread, size, out=np.zeros_like(spread), where=size > 0.0), -1.0, 1.0))
+    return Fitted(scale.model(fit), estimates, tied, correlated(together, estimates), fit, covariance)
 
 
 def _found_only(estimates: Mapping[str, Estimate], fit: Fit, known: PriorKnowledge) -> Mapping[str, Estimate]:
@@ -207,27 +185,6 @@ def _found_only(estimates: Mapping[str, Estimate], fit: Fit, known: PriorKnowled
     if whole_inertia(fit) > 0.0 or INERTIA in known.fixed:
         return estimates
     return {**estimates, INERTIA: replace(estimates[INERTIA], std_error=math.nan, grade="not")}
-
-
-def _estimate(
-    name: str, value: float, error: float, unit: str, at_bound: bool, known: PriorKnowledge, sample_time: float
-) -> Estimate:
-    error = known.seen.get(name, error)
-    if name in known.fixed and name not in known.seen:
-        return Estimate(value, 0.0, unit, held=True, grade="held")
-    return known_to(Estimate(value, error, unit, at_bound), name, error, sample_time)
-
-
-def known_to(one: Estimate, name: str, error: float, sample_time: float) -> Estimate:
-    """An estimate that has this standard error, unless it is held or has none."""
-    if one.held or math.isnan(one.std_error):
-        return one
-    size = 1.0 if one.unit == "rad" else abs(one.value)
-    by_error = grade(size, error, sample_time if name == DELAY else math.nan)
-    judged = not one.at_bound or (
-        name == DELAY and one.value == 0.0
-    )  # no delay is less than 0: not a bound of the user
-    return replace(one, std_error=_told(one.value, error), grade=by_error if judged else "not")
 
 
 def _pull(value: float, prior: tuple[float, float], alone: float, share: float) -> float:
@@ -239,37 +196,10 @@ def _pull(value: float, prior: tuple[float, float], alone: float, share: float) 
     return (without - prior[0]) / math.hypot(prior[1], alone)
 
 
-def _with_correlations(estimates: Mapping[str, Estimate], together: Array) -> dict[str, Estimate]:
-    """Each with the correlations of its error and of those before it, where both have one."""
-    free = [i for i, e in enumerate(estimates.values()) if not e.held and math.isfinite(e.std_error)]
-    names = list(estimates)
-    return {
-        name: replace(e, correlations={names[j]: float(together[i, j]) for j in free if j < i} if i in free else {})
-        for i, (name, e) in enumerate(estimates.items())
-    }
-
-
-def _correlated(together: Array, estimates: Mapping[str, Estimate]) -> Correlations:
-    names = list(estimates)
-    pairs = (
-        (names[i], names[j], float(together[i, j]))
-        for i in range(len(names))
-        for j in range(i + 1, len(names))
-        if not (estimates[names[i]].held or estimates[names[j]].held)
-        and abs(together[i, j]) > POLICY.reported_correlation
-    )
-    return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))
-
-
 def _whole_events(fit: Fit, known: PriorKnowledge, size: int) -> list[Array]:
     """Coefficients of events that are held: a unit row each."""
     at = [k for t in fit.terms if t.id in known.events for k in range(*fit.columns_of(t).indices(size))]
     return list(np.eye(size)[at])
-
-
-def _told(value: float, error: float) -> float:
-    """The standard error; NaN where the value is not identified."""
-    return error if value == 0.0 or error < POLICY.not_identified * abs(value) else math.nan
 
 
 def _steps(covariance: Array, linear: int, theta: Array | None) -> Array:

@@ -12,11 +12,14 @@ from dataclasses import replace
 from functools import cached_property
 from itertools import combinations
 
+import numpy as np
+
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import Term, Terms, has_friction
 from dsd_cli.identify.fit.direction import best_delay
+from dsd_cli.identify.fit.estimates import averaged
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.fit.values import Fitted, flat, known_to
+from dsd_cli.identify.fit.values import Fitted, flat
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.evidence import Evidence, Option, in_common_terms, preferred
 from dsd_cli.identify.search.shapes import Lines, apart, names_to_try, refined, starts
@@ -33,8 +36,6 @@ ROUNDS_IN_SCAN = 2
 MOST_CHALLENGERS, WORTH_CHALLENGING = 3, 0.5
 #: Pairs of effects that are cross-validated, of all that are fitted.
 MOST_PAIRS = 4
-#: Nats from which on one is sure, for all that a number shows.
-_SURE = 50.0
 
 __all__ = ["Option", "Search"]
 
@@ -113,18 +114,16 @@ class Search(Evidence):
         Over a small travel a spring, a cubic one and a weight differ by less than matters: one is left out, the others
         take its place, and their own standard errors know nothing of that.
         """
-        part, fit = self.searched(whole)
-        found, step = self.problem.values(whole), self.equations.sample_time
-        scale, estimates = part.problem.scale, dict(found.estimates)
-        here = flat(scale.model(fit))
-        for option in part.options(fit):
-            there, odds = flat(scale.model(option.fit)), math.exp(min(part.lead(fit, option.fit), _SURE))
-            for name, one in estimates.items():
-                moved = there.get(name, here[name]) - here[name]
-                moved = math.remainder(moved, 2.0 * math.pi) if name.endswith(".phase") else moved
-                error = math.hypot(one.std_error, math.sqrt(odds / (1.0 + odds)) * moved)
-                estimates[name] = known_to(one, name, error, step)
-        return replace(found, estimates=estimates)
+        found, options, scale = self.problem.values(whole), self.options(whole), self.problem.scale
+        here = flat(scale.model(whole))
+        leads = np.array([0.0, *(self.lead(whole, o.fit) for o in options)])
+        likely = np.exp(leads - leads.max())
+        others = [flat(scale.model(o.fit)) for o in options]
+        moves = np.array([[_apart(n, there.get(n, here[n]), here[n]) for n in found.estimates] for there in others])
+        known, together = averaged(
+            found.estimates, likely[1:] / likely.sum(), moves.reshape(len(others), -1), self.equations.sample_time
+        )
+        return replace(found, estimates=known, correlations=together)
 
     def challenger(self, rest: Fit, member: str, own: float) -> Option | None:
         """The best replacement of a member that gains `own`, by evidence; None if no candidate comes near it. A law is
@@ -225,3 +224,8 @@ class Search(Evidence):
             if self.price(best.fit.terms) <= self.price(fit.terms) or self.matters(fit, best.fit):
                 return best.fit
         return fit
+
+
+def _apart(name: str, one: float, other: float) -> float:
+    """Between two numbers of a value, the shorter way round of a phase."""
+    return math.remainder(one - other, 2.0 * math.pi) if name.endswith(".phase") else one - other

@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from dsd_cli.effects import catalogue, kind_of
 from dsd_cli.identify.fit.freeform import GAIN
-from dsd_cli.identify.results import DELAY, INERTIA, NONE, PER_UNIT, UNKNOWN, Candidate
+from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate
+from dsd_cli.signals.units import PER_UNIT
 
 _GENERAL = "move at constant speed both ways, slowly and fast, over the whole travel, with a rest between the moves"
 

@@ -7,6 +7,7 @@ what was given, only the effects of that search are asked with it: what they lea
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
@@ -23,7 +24,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.levels import may_differ, with_levels
 from dsd_cli.identify.recordings.recording import Mended, Recording
-from dsd_cli.identify.results import NONE, Diagnosis
+from dsd_cli.identify.results import DELAY, NONE, Diagnosis, Estimates
 from dsd_cli.identify.search.levels import Levelled, levelled
 from dsd_cli.identify.search.long_logs import Progress, Task
 from dsd_cli.identify.search.sets import Option, Search
@@ -89,8 +90,8 @@ def diagnose(
     limits = limits_of(search, whole, shown.settings, shown.seen or shown.other)
     if limits.idle is not None:
         return _of_mended(limits.idle.taken_off(apart.plain, holdout), again)
-    if (prompt := on_time(limits, apart.plain, holdout, model.delay)) is not None:
-        return _of_mended(prompt, again)
+    if (prompt := on_time(limits, search, whole, apart.plain, holdout)) is not None:
+        return _without_delay(_of_mended(prompt, again))
     stops, answer = _without_stops(end_stops(search, whole, beyond, apart.plain, holdout), again, on_found)
     if answer is not None:
         return answer
@@ -135,6 +136,21 @@ def _of_mended(mended: Mended, again: Callable[..., Diagnosis]) -> Diagnosis:
     last = diagnosis.mended or mended
     said = dict.fromkeys((*mended.said, *last.said))
     return replace(diagnosis, warnings=(*mended.said, *diagnosis.warnings), mended=replace(last, said=tuple(said)))
+
+
+def _without_delay(found: Diagnosis) -> Diagnosis:
+    """An answer without a standard error of the delay."""
+
+    def gone(values: Estimates) -> Estimates:
+        known = {DELAY: replace(values[DELAY], std_error=math.nan, grade="not")} if DELAY in values else {}
+        return {**values, **known}
+
+    return replace(
+        found,
+        estimates=gone(found.estimates),
+        refitted_values=gone(found.refitted_values),
+        whole_values=gone(found.whole_values),
+    )
 
 
 def _either_way(task: Task) -> Levelled:

@@ -213,3 +213,22 @@ def _law(search: Search, whole: Fit, beside: Freeform) -> _Law | None:
             terms, loss = rest, without
     better = loss < float(beside.without.sum()) - POLICY.unknown_nats * nats
     return _Law(on, terms, loss) if better and terms != whole.terms else None
+
+
+def in_common(search: Search, whole: Fit) -> float:
+    """Share of u that the motion explains in parts of the log that were not fitted: less than of any axis, if u is of
+    another one, or of another time.
+
+    Asked of u by the motion: with its acceleration, the effects that were found and any functions of speed and
+    position. Effects can be found for any u; they do not explain it elsewhere.
+    """
+    part, fit = search.searched(whole)
+    fits = part.freeform(fit)
+    groups = [group for group in (("velocity",), ("position",)) if group in fits.groups()]
+    shares = (fits.share_of_u(groups[:count]) for count in range(len(groups), -1, -1))  # a run up is at each place once
+    told = max(shares)
+    if search.solver.inverse:  # the held-out error of the set is that of u by the motion, of all rows
+        errors = search.problem.errors
+        u = errors.bank.command((), whole.tap)[search.equations.kept]
+        told = max(told, 1.0 - (errors.rmse(whole) / max(float(np.std(u)), 1e-300)) ** 2)
+    return told

@@ -26,6 +26,7 @@ from dsd_cli.identify.recordings.recording import Mended, Recording
 from dsd_cli.identify.search.long_logs import posed
 from dsd_cli.identify.search.seen import Seen
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.discrepancy import in_common
 from dsd_cli.identify.verdict.unacted_command import UnactedCommand, idle_part
 from dsd_cli.signals.log import Array
 
@@ -35,6 +36,8 @@ _LATE = 0.75
 #: Of a mended recording, and what a user may ask himself.
 _KIND = "late u"
 _WHY_LATE = "dsd check measures it: another clock, a filtered u, or the mean of the interval that ends at each stamp?"
+#: Share of a recording that u may be late by, to be taken on time.
+_MOST_LATE = 0.1
 #: Shortest filter that is said, samples: a clock that was made even smooths u by one.
 _SHORTEST = 2.0
 #: Longest filter that is looked for, s.
@@ -141,16 +144,25 @@ def _best_freed(search: Search, terms: Terms, tap: int) -> _Freed:
     return min((_freed(search, terms, n) for n in search.taps if tap <= n <= tap + reach), key=lambda f: f.left)
 
 
-def _freed(search: Search, terms: Terms, tap: int) -> _Freed:
-    """Least squares without a bound on the share."""
+def _freed(search: Search, terms: Terms, tap: int, log: int | None = None) -> _Freed:
+    """Least squares without a bound on the share, of one log or of all."""
     bank = search.solver.bank
     rows = np.stack(bank.rows(terms, tap, keep=False))
+    rows = rows if log is None else rows[:, bank.equations.logs_of_rows == log]
     few = condensed(rows)
     inverse = np.linalg.pinv(few[1:].T, rcond=rows.shape[1] * np.finfo(float).eps)
     theta = inverse @ few[0]
     left = rows[0] - theta @ rows[1:]
     variance = float(inverse[SHARE] @ inverse[SHARE] * np.mean(left**2) * search.noise.inflation)
     return _Freed(tap, -float(theta[SHARE]) * bank.tap_time, math.sqrt(variance) * bank.tap_time, left)
+
+
+def _alike(search: Search, whole: Fit, late: float) -> bool:
+    """Whether u is as late in each log as in all: one value for `signals.u_shift` is of none where it is not."""
+    logs = range(len(search.problem.recordings))
+    each = [_freed(search, whole.terms, 0, i) for i in logs] if len(logs) > 1 else []
+    near = (1.0 - _LATE) * search.equations.sample_time
+    return all(abs(f.lead - late) < max(POLICY.told_deviations * f.error, near) for f in each)
 
 
 #: Share of u that the motion must explain, whatever is missing: between that of an axis which lacks a law that no
@@ -222,18 +234,23 @@ class Limits:
 
 
 def on_time(
-    limits: Limits, recordings: Sequence[Recording], holdout: Sequence[Recording], delay: float
+    limits: Limits, search: Search, whole: Fit, recordings: Sequence[Recording], holdout: Sequence[Recording]
 ) -> Mended | None:
-    """The recordings with u on time, where it is late and that can be had; delay : of the model, s, which stays."""
-    every, seconds = (*recordings, *holdout), limits.time.late + delay
+    """The recordings with u on time, where it is late in all alike and that can be had; the delay of the model stays:
+    of u that is late by more than the delay nothing says how much of it is delay."""
+    late, delay, every = limits.time.late, search.problem.model.delay, (*recordings, *holdout)
     by_u = any(_KIND in r.taken_off or "reconstructed" in r.provenance.get("velocity", "") for r in every)
-    longest = min((len(p) * p.sample_time for r in every for p in r.pieces), default=0.0)
-    if not limits.time.late or limits.blocked != _late(limits.time) or by_u or seconds > 0.1 * longest:
+    longest = min(max(len(p) * p.sample_time for p in r.pieces) for r in every)
+    if not late or limits.blocked != _late(limits.time) or by_u or late + delay > _MOST_LATE * longest:
+        return None
+    if not _alike(search, whole, late):
         return None
     rest = f" with the delay of [model], {delay * 1e3:.2g} ms," if delay else ""
-    said = f"{limits.blocked} ({_WHY_LATE}). Here{rest} it counts as {seconds * 1e3:.3g} ms earlier: take that off"
-    moved, aside = (tuple(earlier(r, seconds, _KIND) for r in some) for some in (recordings, holdout))
-    return Mended(moved, aside, (f"{said} signals.u_shift",))
+    said = (
+        f"{limits.blocked} ({_WHY_LATE}). Here{rest} it counts as {1e3 * (late + delay):.3g} ms earlier: take that off"
+    )
+    moved, aside = (tuple(earlier(r, late + delay, _KIND) for r in some) for some in (recordings, holdout))
+    return Mended(moved, aside, (f"{said} signals.u_shift; the delay itself is not identifiable then",))
 
 
 def _late(time: CommandTime) -> str:
@@ -269,22 +286,3 @@ def limits_of(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
     recordings = search.problem.recordings
     passed = tuple((r.name, r.lost.hz) for r in recordings if math.isfinite(r.lost.hz))
     return Limits(common, idle, time, direction, constant_u(recordings), passed)
-
-
-def in_common(search: Search, whole: Fit) -> float:
-    """Share of u that the motion explains in parts of the log that were not fitted: less than of any axis, if u is of
-    another one, or of another time.
-
-    Asked of u by the motion: with its acceleration, the effects that were found and any functions of speed and
-    position. Effects can be found for any u; they do not explain it elsewhere.
-    """
-    part, fit = search.searched(whole)
-    fits = part.freeform(fit)
-    groups = [group for group in (("velocity",), ("position",)) if group in fits.groups()]
-    shares = (fits.share_of_u(groups[:count]) for count in range(len(groups), -1, -1))  # a run up is at each place once
-    told = max(shares)
-    if search.solver.inverse:  # the held-out error of the set is that of u by the motion, of all rows
-        errors = search.problem.errors
-        u = errors.bank.command((), whole.tap)[search.equations.kept]
-        told = max(told, 1.0 - (errors.rmse(whole) / max(float(np.std(u)), 1e-300)) ** 2)
-    return told
