@@ -270,12 +270,12 @@ def test_compare_and_diagnose_rows_are_those_of_the_commands(tmp_path: Path) -> 
     rows_of_log = (ROOT / "sample_logs/servo-friction.csv").read_text().splitlines()
     (tmp_path / log).write_text("\n".join(rows_of_log[:1501]) + "\n")
     done("fleet", "compare", log, "-c", config, "-o", "c.parquet", "--workers", "1", cwd=tmp_path)
-    done("fleet", "diagnose", log, "-c", config, "-o", "d.parquet", "--workers", "1", cwd=tmp_path, effects=FEW)
+    done("fleet", "diagnose", log, "-c", config, "-o", "d.parquet", "--workers", "1", cwd=tmp_path)
     (compared,), (diagnosed,) = rows(tmp_path / "c.parquet"), rows(tmp_path / "d.parquet")
     alone = json.loads(done("compare", log, "-c", config, "--format", "json", cwd=tmp_path).stdout)
     assert (compared["verdict"], compared["rmse"]) == (alone["conclusion"], alone["rmse"])
     assert (compared["force_rmse"], compared["band_hz"]) == (alone["force"]["rmse"], alone["force"]["band_hz"])
-    alone = json.loads(done("diagnose", log, "-c", config, "--format", "json", cwd=tmp_path, effects=FEW).stdout)
+    alone = json.loads(done("diagnose", log, "-c", config, "--format", "json", cwd=tmp_path).stdout)
     assert (diagnosed["verdict"], diagnosed["said"]) == ("coulomb_friction", alone["verdict_text"])
     level = alone["found_values"]["coulomb_friction.level"]
     assert abs(level["value"] - 0.15) < 2.0 * level["std_error"]  # which the log was made with

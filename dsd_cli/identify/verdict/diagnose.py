@@ -34,7 +34,7 @@ from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrep
 from dsd_cli.identify.verdict.end_stop import EndStops, end_stops
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.levels import log_levels, with_levels_said
-from dsd_cli.identify.verdict.limits import limits_of, on_time
+from dsd_cli.identify.verdict.limits import limits_of, on_time, was_late
 from dsd_cli.identify.verdict.own_values import own_values
 from dsd_cli.identify.verdict.probability import memberships
 from dsd_cli.identify.verdict.pushes import pushed
@@ -62,9 +62,9 @@ def diagnose(
     Parameters
     ----------
     recordings : of one rig, fitted together. holdout : recordings that no fit sees; held-out errors are then of those.
-    model : what the rig is believed to be; its values are fitted along, its effects stay.
-    stability : ask again with half of the data, half and twice the band. progress : called with what is being done and
-        the share that is done; on_told : if the log is against what was given; on_found : with search and whole set.
+    model : believed; its values are fitted along, its effects stay. stability : ask again with half of the data, half
+        and twice the band. progress : called with what is being done and the share that is done; on_told : if the log
+        is against what was given; on_found : with search and whole set.
 
     Raises
     ------
@@ -73,7 +73,6 @@ def diagnose(
     report = progress or (lambda _what, _share: None)
     given = partial(diagnose, model=model, observer=observer, settings=settings, progress=progress)
     again = partial(given, stability=stability, on_told=on_told, on_found=on_found)
-    report("preparing", 0.0)
     asked, against = prior_check(recordings, model, settings or Settings(), report)
     if against:
         on_told(against)
@@ -88,10 +87,9 @@ def diagnose(
     report("how sure", 0.8)
     whole, first = strongest_first(search, whole)
     limits = limits_of(search, whole, shown.settings, shown.seen or shown.other)
-    if limits.idle is not None:
-        return _of_mended(limits.idle.taken_off(apart.plain, holdout), again)
-    if (prompt := on_time(limits, search, whole, apart.plain, holdout)) is not None:
-        return _without_delay(_of_mended(prompt, again))
+    act = partial(on_time, limits, search, whole) if limits.idle is None else limits.idle.taken_off
+    if (mended := act(apart.plain, holdout)) is not None:
+        return _of_mended(mended, again)
     stops, answer = _without_stops(end_stops(search, whole, beyond, apart.plain, holdout), again, on_found)
     if answer is not None:
         return answer
@@ -102,7 +100,7 @@ def diagnose(
         return again(apart.plain, settings=task.settings.without([verdict.rising]), holdout=holdout)
     on_found(search, whole)
     diagnosis = with_levels_said(against_told(verdict.diagnosis(), search, whole, task.settings), search, whole, apart)
-    diagnosis = diagnosis if stops is None else stops.beside(diagnosis)
+    diagnosis = stops.beside(diagnosis) if stops is not None else diagnosis
     if stability:
         report("how sure, on parts", 0.85)
         diagnosis = with_stability(diagnosis, task.recordings, model, shown.settings)
@@ -133,6 +131,7 @@ def _without_stops(
 def _of_mended(mended: Mended, again: Callable[..., Diagnosis]) -> Diagnosis:
     """The answer of mended recordings, with what was wrong with them said, and what else was wrong."""
     diagnosis = again(mended.recordings, holdout=mended.holdout)
+    diagnosis = _without_delay(diagnosis) if was_late(mended) else diagnosis
     last = diagnosis.mended or mended
     said = dict.fromkeys((*mended.said, *last.said))
     return replace(diagnosis, warnings=(*mended.said, *diagnosis.warnings), mended=replace(last, said=tuple(said)))
@@ -212,6 +211,7 @@ def prior_check(
 
     Raises DataError, UsageError as `pose`.
     """
+    report("preparing", 0.0)
     looked = replace(settings, against=settings.against or ())
     known = settings.known
     if not known or settings.against is not None:

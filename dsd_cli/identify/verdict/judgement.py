@@ -8,6 +8,7 @@ from dataclasses import replace
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.direction import needs_acceleration
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.values import Fitted
 from dsd_cli.identify.missing import Missing
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
@@ -177,9 +178,9 @@ class Verdict:
         ranking = self._ranking(score, refitted, nearest)
         named = next((c for c in ranking if c.effect == verdict), None)
         fit = self.alone[verdict].fit if verdict in self.alone else self.search.refit
-        known, given, several = problem.values(fit), self.shown.given or self.search, len(self.members) > 1
+        known, given, several = self._values(fit), self.shown.given or self.search, len(self.members) > 1
         refit = given.problem.values(given.refit)
-        joint = self.search.values(self.whole) if self.members else known
+        joint = self._values(self.whole) if several else known
         unknown, source, own = self.beyond.unknown, problem.recordings[0].provenance, verdict in problem.model.effects
         one = self.seen is not None or verdict == self.own.wrong != ""
         more = {NONE: 1.0 - self.sure, UNKNOWN: self.sure}
@@ -247,7 +248,7 @@ class Verdict:
         """What is surely not there, and not shown, is not worth all rows: those that were searched do."""
         likely, fit = self._probability(option.effect), option.fit
         part = None if shown or likely > 1.0 - POLICY.surest else self.search.excerpt
-        known = self.problem.values(fit) if part is None else part.problem.values(part.fit(fit.terms, fit.tap))
+        known = self._values(fit) if part is None else part.problem.values(part.fit(fit.terms, fit.tap))
         rivals, prefix, of = self._rivals(option.effect), f"{option.effect}.", "excerpt of the log" if part else "log"
         values = {name.removeprefix(prefix): e for name, e in known.estimates.items() if name.startswith(prefix)}
         if any(name.startswith(prefix) for name in known.tied):
@@ -272,6 +273,11 @@ class Verdict:
             all_values=known.estimates,
             of_excerpt=part is not None,
         )
+
+    def _values(self, fit: Fit) -> Fitted:
+        """Of the set that was found with what one effect more would move; of others as they are."""
+        found = self.members and {t.id for t in fit.terms} == {t.id for t in self.whole.terms}
+        return self.search.values(fit) if found else self.problem.values(fit)
 
     def _rivals(self, effect: str) -> tuple[str, ...]:
         """Effects that these recordings cannot distinguish from it."""

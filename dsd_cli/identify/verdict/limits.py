@@ -253,6 +253,11 @@ def on_time(
     return Mended(moved, aside, (f"{said} signals.u_shift; the delay itself is not identifiable then",))
 
 
+def was_late(mended: Mended) -> bool:
+    """Whether u was, and is on time now."""
+    return any(_KIND in r.taken_off for r in mended.recordings)
+
+
 def _late(time: CommandTime) -> str:
     return f"u is later than the motion that it causes, by about {time.late * 1e3:.2g} ms"
 
