@@ -12,7 +12,7 @@ from pathlib import Path
 import pyarrow.parquet as pq
 import pytest
 
-from tests.cli.rig import CONFIG, DSD, FEW, done, dsd, interruptible, make_log, refused, summary, write
+from tests.cli.rig import CONFIG, DSD, done, dsd, interruptible, make_log, refused, summary, write
 
 LOGS = 12
 #: An effect that does nothing, but ends the process that computes it for a log of 77 rows.
