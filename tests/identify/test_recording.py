@@ -7,6 +7,7 @@ import pytest
 
 from dsd_cli.errors import DataError
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.excerpts import earlier
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.recordings.sensor import net_force
 from dsd_cli.plant.controllers import ControllerSettings, Gains
@@ -246,3 +247,15 @@ def test_the_acceleration_is_that_of_the_axis_whatever_is_logged(exact):
     for names in (("velocity",), ("position",), ("d_hat",), ("d_hat", "velocity", "position")):
         found = prepare(only(exact, *names), OBSERVER).pieces[0]["acceleration"]
         assert np.sqrt(np.mean((found - wanted)[calm] ** 2)) < 0.03 * np.std(wanted), names
+
+
+def test_a_held_u_that_acted_earlier_is_its_mean_over_what_was_each_interval():
+    rng, step, finer = np.random.default_rng(4), 0.01, 100
+    u, t = rng.standard_normal(400), step * np.arange(400)
+    recording = prepare(Log({"t": t, "u": u, "velocity": np.sin(3.0 * t)}, step), ObserverSettings(0.1, 0.02))
+    (moved,) = earlier(recording, 2.25 * step, "late u").pieces
+    held = np.repeat(u, finer)[int(2.25 * finer) :]  # between the samples, too
+    means = held[: len(moved) * finer].reshape(-1, finer).mean(axis=1)
+    np.testing.assert_allclose(moved["u"], means, atol=1e-12)
+    np.testing.assert_array_equal(moved["t"], t[: len(moved)])
+    assert len(moved) == len(t) - 3
