@@ -316,7 +316,7 @@ def test_a_note_says_of_what_log_a_value_is_not_identifiable(shown, said, monkey
     known.tied, known.model, score = (), None, SimpleNamespace(rmse=1.0, heldout_rmse=1.0)
     problem = SimpleNamespace(values=lambda _fit: known)
     verdict = object.__new__(Verdict)
-    verdict.seen, verdict.problem = None, problem
+    verdict.seen, verdict.problem, verdict.members = None, problem, {}
     verdict.search = SimpleNamespace(excerpt=SimpleNamespace(problem=problem, fit=lambda *_: None))
     monkeypatch.setattr(Verdict, "_probability", lambda _self, _effect: 0.0)
     monkeypatch.setattr(Verdict, "_rivals", lambda _self, _effect: ())

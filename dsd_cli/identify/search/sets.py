@@ -115,14 +115,13 @@ class Search(Evidence):
         take its place, and their own standard errors know nothing of that.
         """
         found, options, scale = self.problem.values(whole), self.options(whole), self.problem.scale
-        here = flat(scale.model(whole))
-        leads = np.array([0.0, *(self.lead(whole, o.fit) for o in options)])
+        if not options:
+            return found
+        here, leads = flat(scale.model(whole)), np.array([0.0, *(self.lead(whole, o.fit) for o in options)])
         likely = np.exp(leads - leads.max())
         others = [flat(scale.model(o.fit)) for o in options]
-        moves = np.array([[_apart(n, there.get(n, here[n]), here[n]) for n in found.estimates] for there in others])
-        known, together = averaged(
-            found.estimates, likely[1:] / likely.sum(), moves.reshape(len(others), -1), self.equations.sample_time
-        )
+        moves = np.array([[_apart(n, there.get(n, 0.0), here[n]) for n in found.estimates] for there in others])
+        known, together = averaged(found.estimates, likely[1:] / likely.sum(), moves, self.equations.sample_time)
         return replace(found, estimates=known, correlations=together)
 
     def challenger(self, rest: Fit, member: str, own: float) -> Option | None:
@@ -227,5 +226,8 @@ class Search(Evidence):
 
 
 def _apart(name: str, one: float, other: float) -> float:
-    """Between two numbers of a value, the shorter way round of a phase."""
+    """Between two numbers of a value, the shorter way round of a phase; none where its effect is gone (0): whether it
+    is there is another question."""
+    if one == 0.0:
+        return 0.0
     return math.remainder(one - other, 2.0 * math.pi) if name.endswith(".phase") else one - other
