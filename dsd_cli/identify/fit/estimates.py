@@ -85,12 +85,14 @@ def correlated(together: Array, estimates: Mapping[str, Estimate]) -> Correlatio
 
 
 def averaged(
-    known: Estimates, likely: Array, moves: Array, sample_time: float
+    known: Estimates, odds: Array, moves: Array, sample_time: float
 ) -> tuple[dict[str, Estimate], Correlations]:
     """Estimates of a model, and what goes together, over it and over others (Bayesian model averaging; Hoeting,
     Madigan, Raftery and Volinsky 1999): the covariance has what each of the others moves the values by.
 
-    likely, moves : probability of each of the others, shape (k,), and how far the values are off there, (k, n).
+    Others that move the values alike are in each other's place; those that do not may be there as well.
+
+    odds, moves : of each of the others against the model, shape (k,), and how far the values are off there, (k, n).
     """
     held = [e.held or math.isnan(e.std_error) for e in known.values()]
     errors = np.array([0.0 if off else e.std_error for off, e in zip(held, known.values(), strict=True)])
@@ -99,6 +101,10 @@ def averaged(
         for name, r in e.correlations.items():
             j = names.index(name)
             together[i, j] = together[j, i] = r
+    away = np.divide(moves, errors, out=np.zeros_like(moves), where=errors > 0.0)
+    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
+    alone = odds / (1.0 + odds)
+    likely = alone**2 / np.maximum((away @ away.T) ** 2 @ alone, alone)  # of those alike each has its share of one
     spread = together * np.outer(errors, errors) + (likely[:, None] * moves).T @ moves
     errors = np.sqrt(np.diag(spread))
     wider = {n: known_to(e, n, float(x), sample_time) for (n, e), x in zip(known.items(), errors, strict=True)}

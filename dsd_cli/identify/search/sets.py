@@ -36,6 +36,8 @@ ROUNDS_IN_SCAN = 2
 MOST_CHALLENGERS, WORTH_CHALLENGING = 3, 0.5
 #: Pairs of effects that are cross-validated, of all that are fitted.
 MOST_PAIRS = 4
+#: Nats from which on an effect is there, for all that a number shows.
+_SURE = 50.0
 
 __all__ = ["Option", "Search"]
 
@@ -117,11 +119,11 @@ class Search(Evidence):
         found, options, scale = self.problem.values(whole), self.options(whole), self.problem.scale
         if not options:
             return found
-        here, leads = flat(scale.model(whole)), np.array([0.0, *(self.lead(whole, o.fit) for o in options)])
-        likely = np.exp(leads - leads.max())
+        here, leads = flat(scale.model(whole)), np.array([self.lead(whole, o.fit) for o in options])
         others = [flat(scale.model(o.fit)) for o in options]
         moves = np.array([[_apart(n, there.get(n, 0.0), here[n]) for n in found.estimates] for there in others])
-        known, together = averaged(found.estimates, likely[1:] / likely.sum(), moves, self.equations.sample_time)
+        odds = np.exp(np.minimum(leads, _SURE))
+        known, together = averaged(found.estimates, odds, moves, self.equations.sample_time)
         return replace(found, estimates=known, correlations=together)
 
     def challenger(self, rest: Fit, member: str, own: float) -> Option | None:
