@@ -1,4 +1,5 @@
-"""Only the compiled detection kernels, recursions of effects and text of CSV live here; the rest is in pyproject.toml.
+"""Only the compiled modules live here: detection kernels, recursions of effects, passes over samples and text of CSV.
+The rest is in pyproject.toml.
 
 All are optional: without a compiler `dsd` runs on their Python twins, and `dsd --version` says so. DSD_PURE=1 leaves
 them out: the wheel is one for any machine.
@@ -9,60 +10,32 @@ import os
 from setuptools import Extension, setup
 
 PURE = os.environ.get("DSD_PURE") == "1"
+#: No fused multiply-add: labels, loads and texts are those of the Python twins, bit by bit.
+AS_TWIN = "-ffp-contract=off"
+
+
+def compiled(module: str, *flags: str) -> Extension:
+    """An optional module of the stable ABI, from the C file beside where it is imported."""
+    return Extension(
+        f"dsd_cli.{module}",
+        sources=[f"dsd_cli/{module.replace('.', '/')}.c"],
+        define_macros=[("Py_LIMITED_API", "0x030B0000")],
+        extra_compile_args=list(flags),
+        py_limited_api=True,
+        optional=True,
+    )
+
 
 setup(
     options={} if PURE else {"bdist_wheel": {"py_limited_api": "cp311"}},
     ext_modules=[]
     if PURE
     else [
-        Extension(
-            "dsd_cli.detect._kernel",
-            sources=["dsd_cli/detect/_kernel.c"],
-            define_macros=[("Py_LIMITED_API", "0x030B0000")],
-            # -ffp-contract=off: no fused multiply-add, so that labels equal those of the NumPy twin
-            extra_compile_args=["-O3", "-ffp-contract=off", "-Wno-psabi"],
-            py_limited_api=True,
-            optional=True,
-        ),
-        Extension(
-            "dsd_cli.detect._goodness",
-            sources=["dsd_cli/detect/_goodness.c"],
-            define_macros=[("Py_LIMITED_API", "0x030B0000")],
-            extra_compile_args=["-O3", "-ffp-contract=off"],  # as above
-            py_limited_api=True,
-            optional=True,
-        ),
-        Extension(
-            "dsd_cli.effects._memory",
-            sources=["dsd_cli/effects/_memory.c"],
-            define_macros=[("Py_LIMITED_API", "0x030B0000")],
-            extra_compile_args=["-O2", "-ffp-contract=off"],  # as above: equal to the Python loops
-            py_limited_api=True,
-            optional=True,
-        ),
-        Extension(
-            "dsd_cli.signals._passes",
-            sources=["dsd_cli/signals/_passes.c"],
-            define_macros=[("Py_LIMITED_API", "0x030B0000")],
-            extra_compile_args=["-O3", "-fno-math-errno", "-fno-trapping-math", "-Wno-psabi"],
-            py_limited_api=True,
-            optional=True,
-        ),
-        Extension(
-            "dsd_cli.signals._signed",
-            sources=["dsd_cli/signals/_signed.c"],
-            define_macros=[("Py_LIMITED_API", "0x030B0000")],
-            extra_compile_args=["-O2"],
-            py_limited_api=True,
-            optional=True,
-        ),
-        Extension(
-            "dsd_cli.files._csv_text",
-            sources=["dsd_cli/files/_csv_text.c"],
-            define_macros=[("Py_LIMITED_API", "0x030B0000")],
-            extra_compile_args=["-O3", "-ffp-contract=off"],
-            py_limited_api=True,
-            optional=True,
-        ),
+        compiled("detect._kernel", "-O3", AS_TWIN, "-Wno-psabi"),
+        compiled("detect._goodness", "-O3", AS_TWIN),
+        compiled("effects._memory", "-O2", AS_TWIN),
+        compiled("signals._passes", "-O3", "-fno-math-errno", "-fno-trapping-math", "-Wno-psabi"),
+        compiled("signals._signed", "-O2"),
+        compiled("files._csv_text", "-O3", AS_TWIN),
     ],
 )

@@ -94,10 +94,8 @@ def misled(together: Diagnosis, alone: Diagnosis) -> bool:
 
     found = [c for c in together.ranking if c.effect in together.found]
     may_be = {*together.found, *(rival for c in found for rival in c.indistinguishable_from)}
-    unknown, tied = (
-        nobody_knows(together),
-        any(c.indistinguishable_from for c in alone.ranking if c.effect in alone.found),
-    )
+    unknown = nobody_knows(together)
+    tied = any(c.indistinguishable_from for c in alone.ranking if c.effect in alone.found)
     says_more = not left_open(alone) or (unknown and not (tied or nobody_knows(alone)))
     same = unknown or alone.verdict in may_be
     return same and alone.verdict in alone.found and bool(left_open(together)) and says_more

@@ -6,26 +6,17 @@ differs by rounding. So does the row of a load in a simulation; those of other e
 
 from __future__ import annotations
 
-import importlib
 import math
 from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
 
+from dsd_cli.signals.compiled import compiled_module
 from dsd_cli.signals.log import Array
 
-
-def _find_compiled() -> Any:
-    try:
-        found = importlib.import_module("dsd_cli.effects._memory")
-    except ImportError:
-        return None
-    return found if hasattr(found, "load_row") else None  # else it was built before that was in it
-
-
 #: The compiled module, or None where the build had no compiler.
-COMPILED = _find_compiled()
+COMPILED = compiled_module("dsd_cli.effects._memory", "load_row")
 
 #: How deep in contact the damping is fully there, as a share of gap/2. It fades in, so that the force is continuous: a
 #: jump would be at another instant for every step length.

@@ -7,7 +7,6 @@ floats, and all where there was no compiler, are Arrow's, to the same bytes.
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import Any
@@ -17,6 +16,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from dsd_cli.files.arrow_arrays import numbers, texts
 from dsd_cli.files.columns_out import Coded, Kind, Rounded, Share, arrow_batch, coded_texts, share_places, share_table
+from dsd_cli.signals.compiled import compiled_module
 
 #: Rows at a time.
 ROWS = 1 << 16
@@ -25,16 +25,8 @@ PIECE = 1 << 18
 #: A column for `_csv_text.c`: see `lines` there.
 _Column = tuple[int, Any, Any, Any, Any]
 
-
-def find_compiled() -> Any:
-    """`_csv_text.c`; None where it was not compiled."""
-    try:
-        return importlib.import_module("dsd_cli.files._csv_text")
-    except ImportError:
-        return None
-
-
-COMPILED = find_compiled()
+#: The compiled module, or None where the build had no compiler.
+COMPILED = compiled_module("dsd_cli.files._csv_text")
 
 
 class CsvText:

@@ -5,7 +5,6 @@ The sums of `_passes.c` differ from those that stand here by rounding.
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Sequence
 from functools import lru_cache
 from typing import Any
@@ -13,22 +12,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsd_cli.signals.compiled import compiled_module
 from dsd_cli.signals.decimating import decimated, in_groups
 from dsd_cli.signals.log import Array
 
 #: Values that NumPy makes at once, as a product with a matrix of the taps: less than half of what `np.convolve` takes.
 _PIECE = 32
 
-
-def _find_compiled() -> Any:
-    try:
-        return importlib.import_module("dsd_cli.signals._passes")
-    except ImportError:
-        return None
-
-
 #: The compiled module, or None where the build had no compiler.
-COMPILED = _find_compiled()
+COMPILED = compiled_module("dsd_cli.signals._passes")
 
 
 def passed(x: Array, taps: Array, before: int, compiled: Any = COMPILED) -> Array:

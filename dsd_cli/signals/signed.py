@@ -2,29 +2,21 @@
 
 from __future__ import annotations
 
-import importlib
 import math
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 
+from dsd_cli.signals.compiled import compiled_module
 from dsd_cli.signals.log import Array
 
 #: Added to columns scaled to unit length. Share of the target's norm below which the projection of a residual on a
 #: column is rounding.
 _RIDGE, _ROUNDING = 1e-9, 1e-7
 
-
-def _find_compiled() -> Any:
-    try:
-        return importlib.import_module("dsd_cli.signals._signed")
-    except ImportError:
-        return None
-
-
 #: The compiled module, or None where the build had no compiler.
-COMPILED = _find_compiled()
+COMPILED = compiled_module("dsd_cli.signals._signed")
 
 
 def normal_equations(matrices: Array, ridge: float | Array = _RIDGE) -> tuple[Array, Array, Array]:

@@ -33,6 +33,7 @@ def grade(size: float, error: float, sample_time: float = math.nan) -> Grade:
 def estimated(
     name: str, value: float, error: float, unit: str, at_bound: bool, known: PriorKnowledge, sample_time: float
 ) -> Estimate:
+    """A value that a fit gives, with that standard error or with what is known of it already."""
     error = known.seen.get(name, error)
     if name in known.fixed and name not in known.seen:
         return Estimate(value, 0.0, unit, held=True, grade="held")
@@ -45,9 +46,8 @@ def known_to(one: Estimate, name: str, error: float, sample_time: float) -> Esti
         return one
     size = 1.0 if one.unit == "rad" else abs(one.value)
     by_error = grade(size, error, sample_time if name == DELAY else math.nan)
-    judged = not one.at_bound or (
-        name == DELAY and one.value == 0.0
-    )  # no delay is less than 0: not a bound of the user
+    at_zero = name == DELAY and one.value == 0.0  # no delay is less than 0: not a bound of the user
+    judged = at_zero or not one.at_bound
     return replace(one, std_error=_told(one.value, error), grade=by_error if judged else "not")
 
 
@@ -73,6 +73,7 @@ def with_correlations(estimates: Mapping[str, Estimate], together: Array) -> dic
 
 
 def correlated(together: Array, estimates: Mapping[str, Estimate]) -> Correlations:
+    """Pairs of values that a log hardly separates, the strongest first."""
     names = list(estimates)
     pairs = (
         (names[i], names[j], float(together[i, j]))

@@ -256,8 +256,7 @@ def _simple(effect: Effect, allowed: Sequence[str]) -> list[str]:
     other effect none."""
     if effect.searched or not any(p.whole_turn for p in effect.parameters):
         return []
-    alike = (e for e in map(get_effect, allowed) if _simpler(e, effect) and e.sizes == 1)
-    found = sorted((e.rarity, e.id) for e in alike if not (e.searched or e.listed))
+    found = sorted((e.rarity, e.id) for e in map(get_effect, allowed) if _plain(e) and _simpler(e, effect))
     return [name for _, name in found[: effect.sizes]] if len(found) >= effect.sizes else []
 
 
