@@ -13,7 +13,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search import evidence
 from dsd_cli.identify.search.evidence import preferred
 from dsd_cli.identify.search.long_logs import Task, searched_as_is
-from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.sets import Search, _apart
 from dsd_cli.identify.verdict import limits
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.references import Multisine
@@ -282,3 +282,9 @@ def test_what_is_just_not_in_a_set_is_in_the_errors_of_its_values():
     off = abs(alone.value - there["gravity"]["amplitude"])
     assert off > 10.0 * alone.std_error
     assert off < 3.0 * averaged.std_error
+
+
+def test_a_delay_may_move_to_0_and_an_effect_that_is_gone_moves_nothing():
+    assert _apart("delay", 0.0, 0.004) == -0.004
+    assert _apart("coulomb_friction.level", 0.0, 0.1) == 0.0
+    assert _apart("gravity.phase", 3.1, -3.1) == pytest.approx(6.2 - 2.0 * np.pi)

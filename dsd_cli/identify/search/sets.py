@@ -228,8 +228,8 @@ class Search(Evidence):
 
 
 def _apart(name: str, one: float, other: float) -> float:
-    """Between two numbers of a value, the shorter way round of a phase; none where its effect is gone (0): whether it
+    """Between two numbers of a value, the shorter way round of a phase; none of an effect that is gone (0): whether it
     is there is another question."""
-    if one == 0.0:
+    if one == 0.0 and "." in name:
         return 0.0
     return math.remainder(one - other, 2.0 * math.pi) if name.endswith(".phase") else one - other
