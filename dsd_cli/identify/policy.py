@@ -109,7 +109,6 @@ class Policy:
 
     # -- vetoes --
     least_inertia: float = 0.01  # of the inertia first fitted; a set that leaves less explains u by itself
-    few_rows: int = 150  # independent equations below which of when u acts nothing is said
 
     # -- ties --
     nearly_the_same: float = 0.05  # share by which errors of two effects alone may differ; the commoner one is named

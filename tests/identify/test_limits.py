@@ -55,6 +55,14 @@ def test_a_u_that_is_later_than_its_motion_is_no_missing_effect(late_ms):
     assert float(re.search(r"by about ([0-9.]+) ms", said)[1]) == pytest.approx(late_ms, rel=0.1)
 
 
+@pytest.mark.parametrize("seed", [7033, 7037])
+def test_some_forty_rows_show_that_u_is_late(seed):
+    """They left a ten-thousandth of the squares and were too few to say so: "delay is missing", 93 %."""
+    recording, model, observer = given(RigCase(what=(), seed=seed, sensing="enc40k", duration=5.0), DELAY_MS + 5)
+    found = diagnose([recording], model, observer, Settings(effects=FEW))
+    assert (found.verdict, found.mended is not None) == ("none", True)
+
+
 def test_logs_of_which_one_is_late_are_not_moved_together():
     """By the mean of both, each stayed off, and nothing was said to be missing."""
     made = [given(RigCase(what=(), seed=4300, sensing="speed40k"), DELAY_MS + late) for late in (8, 2)]

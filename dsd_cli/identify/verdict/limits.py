@@ -82,7 +82,7 @@ def command_time(search: Search, whole: Fit, settings: Settings) -> CommandTime:
     """Late where the delay stands at 0 and less would explain most of what is left; smoothed where a filter explains
     much of what all that was found leaves."""
     added = search.added(whole.terms)
-    if len(search.taps) < 2 or search.problem.blocks.rows < POLICY.few_rows:
+    if len(search.taps) < 2:
         return CommandTime()
     freed, residual = _best_freed(search, whole.terms, whole.tap), residual_of_u(whole, search.solver.bank)
     before = float(residual @ residual)
@@ -90,7 +90,9 @@ def command_time(search: Search, whole: Fit, settings: Settings) -> CommandTime:
         return CommandTime()
     if freed.tap == 0:
         at_zero = whole.tap == 0 and float(whole.total[SHARE]) == 0.0
-        return CommandTime(late=freed.lead if at_zero and freed.left < _EXPLAINED * before else 0.0)
+        nats = 0.5 * search.problem.blocks.rows * math.log(before / max(freed.left, 1e-300))
+        sure = freed.left < _EXPLAINED * before and nats > POLICY.response_nats
+        return CommandTime(late=freed.lead if at_zero and sure else 0.0)
     gain = _gain(search, whole, residual, freed)
     if (
         freed.lead < _SHORTEST * search.equations.sample_time
