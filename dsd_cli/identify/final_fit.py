@@ -120,10 +120,9 @@ def ended(
     ----------
     given : the model as it was; its own effects are never taken out. newest : what was taken last, nor is this.
     """
-    added = tuple(name for name in reached.effects if name not in given.effects)
     reached = settings.known.applied(reached)
     recordings, holdout = both_driven(recordings, holdout, reached)
-    problem = pose(recordings, given, replace(settings, effects=added), holdout)
+    problem = pose(recordings, given, settings, holdout)
     search = Search(problem)
     terms = terms_of(problem.solver.known.applied(reached))
     tap = round(reached.delay / problem.solver.bank.tap_time)
@@ -154,7 +153,7 @@ def _needless(search: Search, fit: Fit, newest: str) -> tuple[str, Fit] | None:
 def _ended(search: Search, fit: Fit, gone: str) -> Ended:
     """Errors are those of the values that are written, as `dsd compare` finds them; the held-out one is the fit's."""
     problem = search.problem
-    known = problem.values(fit)
+    known = search.values(fit)
     own = problem.errors_for(known.model, problem.recordings).of_model(known.model)
     return Ended(
         gone,

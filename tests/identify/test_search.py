@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from dsd_cli.identify.final_fit import ended
 from dsd_cli.identify.fit.bank import SHARE, Term
 from dsd_cli.identify.fit.errors import Noise
 from dsd_cli.identify.fit.problem import pose
@@ -282,6 +283,9 @@ def test_what_is_just_not_in_a_set_is_in_the_errors_of_its_values():
     off = abs(alone.value - there["gravity"]["amplitude"])
     assert off > 10.0 * alone.std_error
     assert off < 3.0 * averaged.std_error
+    given, reached = search.problem.model, search.problem.scale.model(fit)  # and so `improve` writes them
+    *_, end = ended(search.problem.recordings, given, reached, Settings(effects=tuple(there)), newest="gravity")
+    assert off < 3.0 * end.values["gravity.amplitude"].std_error
 
 
 def test_a_delay_may_move_to_0_and_an_effect_that_is_gone_moves_nothing():
