@@ -16,6 +16,7 @@ from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Diagnosis
+from dsd_cli.identify.search.evidence import in_plain_laws
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.plant.model import PlantModel
 
@@ -148,6 +149,7 @@ class _Explanations:
             rivals = ranking[member].indistinguishable_from if member in ranking else ()
             rivals = tuple(x for x in rivals if not (unknown and (find_effect(x) is None or _of_u(x))))
             pairs += [(whole, self.instead(member, rival)) for rival in rivals]
+            pairs += [(whole, name) for name in self._together(member, rivals)]
         if not unknown and (len(self.found) == 1 or (not self.found and diagnosis.verdict != NONE)):
             member = self.found[0] if self.found else ""  # a value of the model is wrong, or an effect is there
             near = sorted((c for c in ranking.values() if c.effect not in self.found), key=lambda c: -c.probability)
@@ -184,6 +186,13 @@ class _Explanations:
         if rival not in (INERTIA, DELAY):
             fit = next((o.fit for o in self.search.options(fit) if o.effect == rival), fit)
         return self._keep(fit)
+
+    def _together(self, member: str, rivals: Sequence[str]) -> list[str]:
+        """The set with plain laws in the place of a member that they are together over this travel, where tied."""
+        term = next(t for t in self.whole.terms if t.id == member)
+        fit = in_plain_laws(self.search, self.whole, term)
+        tied = fit is not None and {t.id for t in fit.terms} <= {t.id for t in self.whole.terms} | {*rivals}
+        return [self._keep(fit)] if fit is not None and tied else []
 
     def as_good(self) -> list[str]:
         """The few sets with another effect in the place of one that was found that explain all rows of the logs best.

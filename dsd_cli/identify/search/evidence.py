@@ -229,8 +229,7 @@ def _one_commoner(search: Evidence, fit: Fit) -> Fit:
             other = search.fit((*rest, Term(effect.id)), fit.tap)
             if _as_good(search, Option(effect.id, other, search.evidence(other)), own):
                 return other
-        if simple := _simple(term.effect, [name for name in search.allowed if name not in here]):
-            other = search.fit((*rest, *map(Term, simple)), fit.tap)
+        if (other := in_plain_laws(search, fit, term)) is not None:
             lead = POLICY.least_gain if search.problem.errors.cancelled(fit, term) else 0.0
             if own.evidence - search.evidence(other) < lead:
                 return other
@@ -249,6 +248,14 @@ def _before(one: Effect, other: Effect) -> bool:
 def _simpler(one: Effect, other: Effect) -> bool:
     """Whether one has fewer sizes, on no other channels: a stiffness than a weight, which it is over a small travel."""
     return one.role is other.role and {*one.needs} <= {*other.needs} and 0 < one.sizes < other.sizes
+
+
+def in_plain_laws(search: Evidence, fit: Fit, member: Term) -> Fit | None:
+    """A fit with the plain laws in place of a member that are what it is over a small travel; None if there are none."""
+    here = {t.id for t in fit.terms}
+    plain = _simple(member.effect, [name for name in search.allowed if name not in here])
+    rest = tuple(t for t in fit.terms if t != member)
+    return search.fit((*rest, *map(Term, plain)), fit.tap) if plain else None
 
 
 def _simple(effect: Effect, allowed: Sequence[str]) -> list[str]:

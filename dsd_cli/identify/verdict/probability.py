@@ -20,6 +20,7 @@ from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import Estimates
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
+from dsd_cli.identify.search.evidence import in_plain_laws
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.belief import PLACE, UnnamedLaws, shared_belief
 from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise, force_beyond
@@ -119,9 +120,12 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     as_push = member.effect.listed and has_friction(whole.terms) and search.problem.reconstructed("velocity")
     afloat = _of_position(effect_id) and search.problem.reconstructed("position")
     at_place = [o for o in options if afloat and _of_position(o.effect)]
-    found = dict.fromkeys(o.effect for o in (*as_well, *filter(rivals, options), *at_place))
+    instead = in_plain_laws(search, whole, member)  # over a small travel a weight is a load and a spring
+    together = instead.terms[len(rest.terms) :] if instead and not search.matters(instead, whole) else ()
+    one_by_one = (o.effect for o in (*as_well, *filter(rivals, options), *at_place))
+    found = dict.fromkeys((*one_by_one, *(t.id for t in together)))
     estimates = search.values(whole).estimates
-    surest = POLICY.even if as_push or afloat or not is_told(effect_id, estimates) else 1.0
+    surest = POLICY.even if as_push or afloat or together or not is_told(effect_id, estimates) else 1.0
     return Membership(
         effect_id,
         probabilities(search, rest, [own, *options]),
