@@ -21,7 +21,7 @@ from dsd_cli.identify.verdict.probability import (
     probabilities,
 )
 from dsd_cli.plant.references import Multisine
-from tests.identify.search_rig import BELIEVED, posed
+from tests.identify.search_rig import BELIEVED, SPEED_NOISE, posed
 
 GAINS = st.lists(st.lists(st.floats(-50.0, 50.0), min_size=6, max_size=6), min_size=1, max_size=5)
 
@@ -175,6 +175,7 @@ def test_an_effect_that_explains_much_less_is_no_rival_however_uncertain_the_lea
     """A spring explains 61 % of what gravity does, and gains as well; with noise so loud that the rest is no certain
     lead it would be a tie, but for its share."""
     search, whole = search
+    monkeypatch.setattr(probability, "in_plain_laws", lambda *_: None)  # one for one
     loud = Search(replace(search.problem, noise=replace(search.noise, variance=5e4 * search.noise.variance)))
     rest = loud.fit(tuple(t for t in whole.terms if t.id != "gravity"), whole.tap)
     (spring,) = [o for o in loud.options(rest) if o.effect == "stiffness"]
@@ -196,6 +197,16 @@ def test_an_effect_that_explains_as_much_is_a_rival_where_the_model_misfits():
     found = membership(search, whole, "stiffness", misfit=True)
     assert "gravity" in found.rivals
     assert "gravity" in found.alike
+
+
+@pytest.mark.parametrize(("size", "rivals", "surest"), [(0.02, {"constant_load", "stiffness"}, 0.5), (0.5, set(), 1.0)])
+def test_a_weight_over_a_few_degrees_is_no_surer_than_a_load_with_a_spring(size, rivals, surest):
+    """Neither is it alone; together they are, to the sine's curvature."""
+    moves, laws = Multisine((0.7, 1.7, 3.1, 5.3), size, seed=3), ("gravity", "stiffness", "constant_load")
+    search = posed({"gravity": {"amplitude": 0.5, "phase": 0.4}}, laws, reference=moves, noise=5.0 * SPEED_NOISE)
+    whole = search.fit((Term("gravity"),), search.refit.tap)
+    found = membership(search, whole, "gravity", misfit=False)
+    assert ({*found.rivals}, found.surest) == (rivals, surest)
 
 
 def test_a_nat_is_worth_as_many_squares_as_the_noise_is_loud_and_dependent(search):

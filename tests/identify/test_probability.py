@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from dsd_cli.identify.final_fit import add_effect
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.testability import Settings
-from dsd_cli.identify.missing import Unexplained
+from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
@@ -172,6 +172,23 @@ def test_a_name_stands_for_what_is_left_by_its_channels_or_by_how_little_it_is_b
     verdict.beyond = Discrepancy(left_on, 0.5, True, 0.1, 1.0)
     assert verdict._of_members() == (named, belief if named == "cogging" else 0.9)
     assert verdict.doubted == ("cogging" if named == "unknown" else "")
+
+
+def test_what_the_verdict_takes_the_place_of_is_no_surer_than_the_verdict(monkeypatch):
+    """One way, a load is dry friction: "friction, 33 %" stood above "missing: a load, 94 %"."""
+
+    def named(self):
+        self._named_for["coulomb_friction"] = "constant_load"
+        return "coulomb_friction", 0.33
+
+    monkeypatch.setattr(Verdict, "verdict", named)
+    monkeypatch.setattr(Verdict, "_members_alone", lambda _self: [])
+    monkeypatch.setattr(judgement, "without_imitating", lambda *_: (None, None))
+    monkeypatch.setattr(judgement, "surest_of", lambda *_: 0.99)
+    load = Membership("constant_load", {"constant_load": 0.94}, ("coulomb_friction", "presliding_friction"))
+    search, shown = SimpleNamespace(problem=None), SimpleNamespace(seen=None)
+    verdict = Verdict(search, [], None, {"constant_load": load}, None, None, shown, None)
+    assert verdict.missing == (Missing("constant_load", 0.33),)
 
 
 def test_a_doubtful_answer_is_not_asked_again_on_parts():

@@ -229,10 +229,10 @@ def _one_commoner(search: Evidence, fit: Fit) -> Fit:
             other = search.fit((*rest, Term(effect.id)), fit.tap)
             if _as_good(search, Option(effect.id, other, search.evidence(other)), own):
                 return other
-        if (other := in_plain_laws(search, fit, term)) is not None:
+        if (plain := in_plain_laws(search, fit, term)) is not None:
             lead = POLICY.least_gain if search.problem.errors.cancelled(fit, term) else 0.0
-            if own.evidence - search.evidence(other) < lead:
-                return other
+            if own.evidence - search.evidence(plain) < lead:
+                return plain
         for pair in _pairs(term.effect, [name for name in search.allowed if name not in here]):
             other = search.fit((*rest, *map(Term, pair)), fit.tap)
             if search.evidence(other) > own.evidence:
@@ -251,7 +251,7 @@ def _simpler(one: Effect, other: Effect) -> bool:
 
 
 def in_plain_laws(search: Evidence, fit: Fit, member: Term) -> Fit | None:
-    """A fit with the plain laws in place of a member that are what it is over a small travel; None if there are none."""
+    """A fit with the plain laws that are together what a member is over a small travel; None if there are none."""
     here = {t.id for t in fit.terms}
     plain = _simple(member.effect, [name for name in search.allowed if name not in here])
     rest = tuple(t for t in fit.terms if t != member)

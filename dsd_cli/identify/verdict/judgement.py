@@ -56,7 +56,7 @@ class Verdict:
         self.rising = self.doubted = ""  # it would be named, but the error rises with it; it stands in for another law
         self.named, self.sure = self.verdict()
         most = min(self.surest, POLICY.even if self.named == UNKNOWN else 1.0)
-        self.missing = missing_of(members, most, {self.named: self.sure})
+        self.missing = missing_of(members, most, dict.fromkeys((self.named, *self._named_for.values()), self.sure))
         if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
             fit = search.converged(self.alone[self.named].fit)
             self.alone[self.named] = Option(self.named, fit, search.evidence(fit))
