@@ -20,7 +20,7 @@ def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
 
 
 def _starts(ranges: Ranges) -> list[Shape]:
-    return [{"velocity": v} for v in log_spaced(0.01 * ranges.top_speed, 0.35 * ranges.top_speed, 8)]
+    return [{"velocity": v} for v in log_spaced(0.01 * ranges.top_speed, 0.24 * ranges.top_speed, 7)]
 
 
 #: Straight pieces of the bell up to END vs, where 0.04 % of it are left.

@@ -18,6 +18,7 @@ import numpy as np
 from dsd_cli.identify.fit.bank import has_friction
 from dsd_cli.identify.fit.blocks import grams, losses, solve
 from dsd_cli.identify.fit.freeform import FreeformFits
+from dsd_cli.identify.fit.row_weights import shared_inflation
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import inside
@@ -106,7 +107,7 @@ class _Touching:
 
     def __init__(self, search: Search, fit: Fit) -> None:
         self.fits: FreeformFits = search.freeform(fit)
-        self.nats, self.rmse = search.noise.nats, search.problem.errors.rmse(fit)
+        self.search, self.rmse = search, search.problem.errors.rmse(fit)
         self.travels = [piece.values["position"] for piece in self.fits.pieces if "position" in piece.values]
         places = np.concatenate([*self.travels, np.zeros(0)])
         self.low, self.high = (float(places.min()), float(places.max())) if len(places) else (0.0, 0.0)
@@ -124,12 +125,14 @@ class _Touching:
         """Those that are there; none where a function of the position explains clearly more."""
         if _POSITION not in self.fits.groups():
             return []
+        found: list[Contact] = []
         first = max((self._best(end, []) for end in (-1, 1)), key=lambda found: found[0])[1]
-        second = self._best(-first.end, [first])[1]
-        both = [c for c in (first, second) if c.stiffness > 0.0]
-        found = [c for c in both if self._gain(both, [o for o in both if o is not c]) > POLICY.unknown_nats]
-        free = self.fits.fit_with(_POSITION).gain / self.nats
-        return found if found and self._gain(found, []) > POLICY.share_of_possible * free else []
+        for contact in (first, self._best(-first.end, [first])[1]):
+            if contact.stiffness > 0.0 and self._gain([*found, contact], found) > POLICY.unknown_nats:
+                found.append(contact)
+        free = self.fits.fit_with(_POSITION)
+        clear = self._loss([]) - self._loss(found) > POLICY.share_of_possible * free.gain
+        return found if found and clear else []
 
     def _best(self, end: int, beside: Sequence[Contact]) -> tuple[float, Contact]:
         """(squares that it takes off, the contact at the place where these are most), beside what was found."""
@@ -151,10 +154,17 @@ class _Touching:
         return equations.whitened(equations.acting(raw, smooth=False, held=held))
 
     def _gain(self, contacts: Sequence[Contact], beside: Sequence[Contact]) -> float:
-        """Nats of held-out blocks that contacts gain over some of them."""
-        with_all, less = (self._loss([self._row(c) for c in some]) for some in (contacts, beside))
-        return (less - with_all) / self.nats
+        """Nats of held-out blocks that contacts gain over some of them, beyond what they explain by chance of what is
+        as coloured as the rest."""
+        now, was = self._left(contacts), self._left(beside)
+        gained = self.search.nats(self._loss(beside)) - self.search.nats(self._loss(contacts))
+        return gained / max(shared_inflation(now, was - now), 1.0)
 
-    def _loss(self, more: Sequence[Array]) -> float:
-        found = grams([*self.rows, *more], self.fits.blocks)
+    def _loss(self, contacts: Sequence[Contact]) -> float:
+        """Squares in held-out blocks: a place that the axis met in one of them alone explains nothing there."""
+        found = grams([*self.rows, *map(self._row, contacts)], self.fits.blocks)
         return float(losses(solve(found.fitted), found, self.fits.blocks).sum())
+
+    def _left(self, contacts: Sequence[Contact]) -> Array:
+        columns = np.stack([*self.rows[1:], *map(self._row, contacts)])
+        return self.rows[0] - np.linalg.lstsq(columns.T, self.rows[0], rcond=None)[0] @ columns
