@@ -11,12 +11,13 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from dsd_cli.identify.checks import clock, values
-from dsd_cli.identify.checks.channels import check_channels, check_jumps, settled, times_too_large
+from dsd_cli.identify.checks.channels import check_channels, check_jumps, settled, times_too_large, without_late
 from dsd_cli.identify.checks.d_hat_maker import check_maker
 from dsd_cli.identify.checks.disturbance import check_alone, check_disturbance, observed
 from dsd_cli.identify.checks.excitation import check_excitation, excitation
+from dsd_cli.identify.checks.fitted import Sides, sides_of
 from dsd_cli.identify.checks.hold import check_hold
-from dsd_cli.identify.checks.parameters import check_parameters, unknown_parameters
+from dsd_cli.identify.checks.parameters import parameters_of, unknown_parameters
 from dsd_cli.identify.checks.results import CheckResult, Excitation, Finding, Parameter, Severity
 from dsd_cli.identify.checks.scan import View, look
 from dsd_cli.identify.checks.stretches import SHORTEST
@@ -33,6 +34,7 @@ __all__ = [
     "biased_by_noise",
     "check_log",
     "to_mend_first",
+    "without_late",
 ]
 
 _ORDER = {"error": 0, "warning": 1, "note": 2}
@@ -72,10 +74,12 @@ def check_log(
     found += [] if _fails(found) else values.check_magnitude(view, did)
     if not _fails(found):
         found += _judged(view, model, observer, factors or {}, maker or Maker())
-    if _fails(found) or not with_values:
-        parameters = unknown_parameters(model)
-    else:
-        parameters = check_parameters(view, model, observer)
+    asked = not _fails(found) and (with_values or values.looks_late(view))
+    sides = _fitted(view, model, observer, found) if asked else None
+    found += [] if sides is None else [*values.check_late(sides), *values.check_inertia(sides, model)]
+    parameters = unknown_parameters(model)
+    if sides is not None and with_values:
+        parameters = parameters_of(sides, model)
         found += _leaning(parameters)
         if model is not None:
             found += _below_zero(view, parameters[0]) or [*_bent(parameters), *_not_told(parameters)]
@@ -84,13 +88,26 @@ def check_log(
         log.source,
         tuple(sorted(worded, key=lambda one: (_ORDER[one.severity], -one.sure))),
         parameters,
-        None if view.band is None else view.band.cutoff,
-        values.floor_of(view, model),
+        values.band_of(view, sides),
+        values.floor_of(view, sides),
         did,
         clock.seconds_of(log, restarts),
         len(log),
         view=None if with_values else view,
     )
+
+
+def _fitted(
+    view: View, model: PlantModel | None, observer: ObserverSettings | None, found: Sequence[Finding]
+) -> Sides | None:
+    """Without a model that of the scan is fitted beside friction, weight and springs, where it is to be believed."""
+    scanned = values.believable(view)
+    if model is None and scanned is not None:
+        model = PlantModel(scanned.inertia, max(values.delay_of(scanned, view), 0.0))
+    if model is None:
+        return None
+    late = next((one for one in found if one.late_channel), None)
+    return sides_of(view.log if late is None else without_late(view.log, late), view.restarts, model, observer)
 
 
 def _fails(found: Sequence[Finding]) -> bool:
@@ -176,7 +193,7 @@ def _judged(
     elif observer is not None and view.band is None and not signs:
         found += check_alone(view.stretches, observer)
     if not signs:
-        found += [*values.check_values(view, model), *_hold(view)]
+        found += _hold(view)
     return found
 
 
@@ -199,4 +216,5 @@ def biased_by_noise(
     """Values of the model that noise in the loop biases in any fit, but for those that are `known` from elsewhere."""
     if result.errors or result.view is None:  # then no value is looked at
         return []
-    return _leaning([one for one in check_parameters(result.view, model, observer) if one.name not in known])
+    sides = sides_of(result.view.log, result.view.restarts, model, observer)
+    return [] if sides is None else _leaning([one for one in parameters_of(sides, model) if one.name not in known])

@@ -1,7 +1,5 @@
 """Which values a log tells: the true machine's values within their errors, and what no such log can tell."""
 
-import math
-
 import numpy as np
 import pytest
 
@@ -84,7 +82,6 @@ def test_gravity_of_an_axis_that_hardly_turns_is_not_told():
     model = PlantModel(true.inertia, true.delay, {**true.effects, "gravity": {"amplitude": 0.0, "phase": 0.0}})
     found = by_name(check_log(log_of(recording), model))
     assert found["gravity.phase"].identified == "not"  # of an amplitude of 0
-    assert math.isnan(found["gravity.phase"].value)
     assert found["coulomb_friction.level"].identified == "identified"
     warned = [
         one for one in check_log(log_of(recording), model).findings if "not identifiable from this log" in one.what
@@ -162,7 +159,7 @@ def test_no_complete_model_is_said_to_bend_a_value_where_the_controller_answers_
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_reference_shows_that_a_force_is_missing(seed):
-    """Friction, of a controller whose sensor is hardly off."""
+    """Friction, of a controller whose sensor is hardly off: the values with it are right."""
     result = check_log(Log(pendulum(seed, 1e-6), 0.002, "log"), PlantModel(J, 0.0, WEIGHS))
     found = by_name(result)
     bends = {name for name in ("inertia", "delay") if found[name].beside is not None and found[name].lacks_force}
