@@ -11,6 +11,7 @@ from dsd_cli.effects import get_effect
 from dsd_cli.identify.checks.fitted import Sides
 from dsd_cli.identify.checks.instruments import leaning_of
 from dsd_cli.identify.checks.results import Parameter
+from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
 from dsd_cli.identify.fit.estimates import Grade, grade
 from dsd_cli.identify.fit.values import Fitted
 from dsd_cli.identify.results import DELAY, INERTIA, Estimate
@@ -90,6 +91,8 @@ def _bent(one: Parameter, beside: Estimate, step: float, lacks_force: bool) -> P
 
 def _inertia_below_zero(sides: Sides) -> float | None:
     """What least squares makes of it, where that is clearly below 0 and, beside functions of the motion, not above."""
+    if sides.own.fit.total[AT_INERTIA] > 0.0:
+        return None
     (alone, error), (beside, its_error) = (one.unsigned_inertia for one in (sides.own, sides.beside))
     return alone if alone < -_BENT * error and beside < _BENT * its_error else None
 
