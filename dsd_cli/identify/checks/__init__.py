@@ -21,6 +21,7 @@ from dsd_cli.identify.checks.parameters import parameters_of, unknown_parameters
 from dsd_cli.identify.checks.results import CheckResult, Excitation, Finding, Parameter, Severity
 from dsd_cli.identify.checks.scan import View, look
 from dsd_cli.identify.checks.stretches import SHORTEST
+from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
 from dsd_cli.plant.maker import Maker
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
@@ -82,7 +83,7 @@ def check_log(
         parameters = parameters_of(sides, model)
         found += _leaning(parameters)
         if model is not None:
-            found += _below_zero(view, parameters[0]) or [*_bent(parameters), *_not_told(parameters)]
+            found += _below_zero(view, sides) or [*_bent(parameters), *_not_told(parameters)]
     worded = [one.worded(factors or {}, u_shift) for one in found]
     return CheckResult(
         log.source,
@@ -140,13 +141,13 @@ def _leaning(parameters: Sequence[Parameter]) -> list[Finding]:
 _AS_WELL = "with friction, weight and stiffness fitted as well"
 
 
-def _below_zero(view: View, inertia: Parameter) -> list[Finding]:
-    """Where a log is too short for the vote on signs."""
-    if not inertia.below_zero or (view.rows is not None and view.rows.speed.size >= values.FEW):
+def _below_zero(view: View, sides: Sides) -> list[Finding]:
+    """Where a log is too short for the vote on signs, and no inertia above 0 lets the model follow it."""
+    if sides.own.fit.total[AT_INERTIA] > 0.0 or (view.rows is not None and view.rows.speed.size >= values.FEW):
         return []
-    what = f"the fit of [model] as it is gives inertia {inertia.value:.3g}, and {_AS_WELL} less than 0"
+    what = "the fit of [model] as it is gives no inertia above 0: no axis has that"
     remedy = "or this log is too short, and a force that holds the axis or a delay is missing in [model]"
-    return [Finding(f"{what}: no axis has that", "u", "warning", 0.8, remedy, (("u", -1.0),), first=True)]
+    return [Finding(what, "u", "warning", 0.8, remedy, (("u", -1.0),), first=True)]
 
 
 def _bent(parameters: Sequence[Parameter]) -> list[Finding]:

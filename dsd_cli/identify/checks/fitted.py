@@ -9,8 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from dsd_cli.errors import DsdError
-from dsd_cli.identify.fit.bank import INERTIA, SHARE, Terms
-from dsd_cli.identify.fit.blocks import condensed
+from dsd_cli.identify.fit.bank import SHARE, Terms
 from dsd_cli.identify.fit.direction import best_delay, certainly_late, explains_most
 from dsd_cli.identify.fit.problem import functions_of_motion, pose
 from dsd_cli.identify.fit.row_weights import residual_of_u
@@ -19,8 +18,7 @@ from dsd_cli.identify.fit.testability import Settings, candidates_of
 from dsd_cli.identify.fit.values import Fitted
 from dsd_cli.identify.recordings.excerpts import earlier, excerpts
 from dsd_cli.identify.recordings.recording import Recording, prepare
-from dsd_cli.identify.results import DELAY
-from dsd_cli.identify.results import INERTIA as INERTIA_NAME
+from dsd_cli.identify.results import DELAY, INERTIA
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
@@ -41,24 +39,13 @@ class Side:
     @property
     def weightless(self) -> bool:
         """Whether friction and a delay explain u by itself: inertia and delay mean nothing then."""
-        return math.isnan(self.values.estimates[INERTIA_NAME].std_error)
+        return math.isnan(self.values.estimates[INERTIA].std_error)
 
     @cached_property
     def left(self) -> float:
         """Squares of what the motion leaves of u, its unit squared."""
         left = residual_of_u(self.fit, self.search.problem.errors.bank)
         return float(left @ left)
-
-    @cached_property
-    def unsigned_inertia(self) -> tuple[float, float]:
-        """That of least squares which may be below 0, and its standard error."""
-        bank = self.search.solver.bank
-        rows = np.stack(bank.rows(self.fit.terms, self.fit.tap, keep=False))
-        few = condensed(rows)
-        inverse = np.linalg.pinv(few[1:].T, rcond=rows.shape[1] * np.finfo(float).eps)
-        left = rows[0] - inverse @ few[0] @ rows[1:]
-        variance = float(inverse[INERTIA] @ inverse[INERTIA] * np.mean(left**2)) * self.search.noise.inflation
-        return float(inverse[INERTIA] @ few[0]), math.sqrt(variance)
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,6 @@ from dsd_cli.effects import get_effect
 from dsd_cli.identify.checks.fitted import Sides
 from dsd_cli.identify.checks.instruments import leaning_of
 from dsd_cli.identify.checks.results import Parameter
-from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
 from dsd_cli.identify.fit.estimates import Grade, grade
 from dsd_cli.identify.fit.values import Fitted
 from dsd_cli.identify.results import DELAY, INERTIA, Estimate
@@ -48,7 +47,6 @@ def _each(
     names: tuple[str, ...], alone: Fitted, beside: Fitted, sides: Sides, lacks_force: bool
 ) -> Iterator[Parameter]:
     step, drifts = sides.own.search.equations.sample_time, sides.own.search.problem.reconstructed("velocity")
-    below = _inertia_below_zero(sides)
     for name in names:
         one = alone.estimates[name]
         others = {a if b == name else b: abs(r) for a, b, r in alone.correlations if name in (a, b)}
@@ -56,9 +54,6 @@ def _each(
         if name == DELAY and sides.late is not None:
             lead, error = sides.late
             yield Parameter(name, grade(lead, error, step), -lead, error, "s", tied)
-            continue
-        if name == INERTIA and below is not None:
-            yield Parameter(name, "not", below, math.inf, one.unit, tied, below_zero=True)
             continue
         found = _parameter(name, one, tied)
         if max(others.values(), default=0.0) > 1.0 - _ONE:
@@ -87,14 +82,6 @@ def _bent(one: Parameter, beside: Estimate, step: float, lacks_force: bool) -> P
     better = _GRADES.index(beside.grade) < _GRADES.index(judged)
     told = beside.value if better and (bent or lacks_force) else None
     return replace(one, identified=judged, std_error=error, beside=told, lacks_force=lacks_force)
-
-
-def _inertia_below_zero(sides: Sides) -> float | None:
-    """What least squares makes of it, where that is clearly below 0 and, beside functions of the motion, not above."""
-    if sides.own.fit.total[AT_INERTIA] > 0.0:
-        return None
-    (alone, error), (beside, its_error) = (one.unsigned_inertia for one in (sides.own, sides.beside))
-    return alone if alone < -_BENT * error and beside < _BENT * its_error else None
 
 
 def _drifting(one: Parameter) -> Parameter:
