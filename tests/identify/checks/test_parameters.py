@@ -5,6 +5,8 @@ import pytest
 
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.checks import check_log
+from dsd_cli.identify.final_fit import add_effect
+from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Log
 from tests.identify.checks.rig import log_of, model_of, observer_of, recordings, servo
@@ -171,3 +173,32 @@ def test_a_reference_shows_that_a_force_is_missing(seed):
 
 def lacking(result):
     return [one for one in result.findings if "a force is missing in [model] and biases" in one.what]
+
+
+def test_values_are_those_that_add_would_write():
+    """One engine: what `dsd check` says of a value no command that fits denies."""
+    recording = servo("velocity")
+    true = model_of(recording)
+    off = PlantModel(1.3 * true.inertia, true.delay, true.effects)
+    said = by_name(check_log(log_of(recording), off, observer_of(recording)))
+    prepared = prepare(log_of(recording), observer_of(recording))
+    written = add_effect([prepared], off, observer_of(recording), "inertia").estimates
+    assert said.keys() == written.keys()
+    for name, one in said.items():
+        assert (one.value, one.std_error) == pytest.approx((written[name].value, written[name].std_error)), name
+
+
+@pytest.mark.parametrize("mean_before", [True, False])
+def test_a_u_that_is_the_mean_before_its_stamp_is_one_sample_late(mean_before):
+    """As drives log a measured torque: 1 sample was said to be 0.8 and no word of it; one that is held is on time."""
+    T, rng, rows = 0.004, np.random.default_rng(21), 3000
+    held = np.convolve(rng.standard_normal(rows + 20), np.hanning(21) / 5.0, "valid")[:rows]
+    v, q = np.zeros(rows), np.zeros(rows)  # exact: u is held, and nothing but the inertia is there
+    for k in range(1, rows):
+        a = held[k - 1] / J
+        v[k], q[k] = v[k - 1] + a * T, q[k - 1] + v[k - 1] * T + 0.5 * a * T**2
+    u = np.concatenate([held[:1], held[:-1]]) if mean_before else held
+    log = Log({"t": T * np.arange(rows), "u": u, "position": np.round(q / 1e-5) * 1e-5}, T)
+    late = [one for one in check_log(log, PlantModel(J)).findings if one.late]
+    assert len(late) == mean_before
+    assert all(one.late == pytest.approx(T, rel=0.02) for one in late)
