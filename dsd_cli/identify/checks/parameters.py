@@ -8,8 +8,7 @@ from dataclasses import replace
 from typing import cast
 
 from dsd_cli.effects import get_effect
-from dsd_cli.identify.checks.fitted import Sides
-from dsd_cli.identify.checks.instruments import leaning_of
+from dsd_cli.identify.checks.fitted import Sides, leaning_of
 from dsd_cli.identify.checks.results import Parameter
 from dsd_cli.identify.fit.estimates import Grade, grade
 from dsd_cli.identify.fit.values import Fitted

@@ -5,7 +5,7 @@ from time import process_time
 import numpy as np
 import pytest
 
-from dsd_cli.identify.checks.instruments import lag_of
+from dsd_cli.identify.checks.fitted import lag_of
 
 #: An axis follows within this, s.
 LONGEST = 0.25
