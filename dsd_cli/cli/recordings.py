@@ -134,19 +134,15 @@ def _checked(loaded: LoadedLog, config: Config) -> CheckResult:
 
 
 def _without_late(loaded: LoadedLog, checked: CheckResult) -> tuple[LoadedLog, list[str]]:
-    """(the log without a velocity that is later than the position, or with a position that is put where the velocity
-    has it by now, a sentence about it): both as they are would be a lag of the axis."""
+    """(the log as `checks.without_late` has it, a sentence about it)."""
+    from dsd_cli.identify.checks import without_late
+
     late = next((one for one in checked.findings if one.late_channel), None)
     if late is None or checked.errors:
         return loaded, []
-    channels = dict(loaded.log.channels)
-    if late.late_channel == "velocity":
-        del channels["velocity"]
-        done = "the position alone is used"
-    else:
-        channels["position"] = channels["position"] + late.late_by * channels["velocity"]
-        done = "it is taken as so much earlier"
-    return replace(loaded, log=replace(loaded.log, channels=channels)), [f"{late.what}; {done}"]
+    alone = late.late_channel == "velocity"
+    done = "the position alone is used" if alone else "it is taken as so much earlier"
+    return replace(loaded, log=without_late(loaded.log, late)), [f"{late.what}; {done}"]
 
 
 def on_its_clock(loaded: LoadedLog) -> tuple[LoadedLog, list[str]]:

@@ -195,5 +195,5 @@ def test_what_a_missing_force_biases_is_said_in_both_values(tmp_path):
     given = ("check", SAMPLES / "servo-friction.csv", "-c", SAMPLES / "servo-bare.toml")
     ran = done(*given, "--format", "json", cwd=tmp_path)
     said = " ".join(one["what"] for one in json.loads(ran.stdout)["findings"])
-    assert "the fit of [model] as it is gives delay" in said
-    assert "and with friction, weight and stiffness fitted as well 0.002: a force is missing in [model]" in said
+    assert "the fit of [model] as it is gives inertia 0.0104, delay 0, " in said
+    assert "and with friction, weight and stiffness fitted as well 0.01, 0.002: a force is missing in [model]" in said

@@ -11,15 +11,17 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from dsd_cli.identify.checks import clock, values
-from dsd_cli.identify.checks.channels import check_channels, check_jumps, settled, times_too_large
+from dsd_cli.identify.checks.channels import check_channels, check_jumps, settled, times_too_large, without_late
 from dsd_cli.identify.checks.d_hat_maker import check_maker
 from dsd_cli.identify.checks.disturbance import check_alone, check_disturbance, observed
 from dsd_cli.identify.checks.excitation import check_excitation, excitation
+from dsd_cli.identify.checks.fitted import Sides, sides_of
 from dsd_cli.identify.checks.hold import check_hold
-from dsd_cli.identify.checks.parameters import check_parameters, unknown_parameters
+from dsd_cli.identify.checks.parameters import parameters_of, unknown_parameters
 from dsd_cli.identify.checks.results import CheckResult, Excitation, Finding, Parameter, Severity
 from dsd_cli.identify.checks.scan import View, look
 from dsd_cli.identify.checks.stretches import SHORTEST
+from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
 from dsd_cli.plant.maker import Maker
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
@@ -33,6 +35,7 @@ __all__ = [
     "biased_by_noise",
     "check_log",
     "to_mend_first",
+    "without_late",
 ]
 
 _ORDER = {"error": 0, "warning": 1, "note": 2}
@@ -72,25 +75,40 @@ def check_log(
     found += [] if _fails(found) else values.check_magnitude(view, did)
     if not _fails(found):
         found += _judged(view, model, observer, factors or {}, maker or Maker())
-    if _fails(found) or not with_values:
-        parameters = unknown_parameters(model)
-    else:
-        parameters = check_parameters(view, model, observer)
+    asked = not _fails(found) and (with_values or values.looks_late(view))
+    sides = _fitted(view, model, observer, found) if asked else None
+    found += [] if sides is None else [*values.check_late(sides), *values.check_inertia(sides, model)]
+    parameters = unknown_parameters(model)
+    if sides is not None and with_values:
+        parameters = parameters_of(sides, model)
         found += _leaning(parameters)
         if model is not None:
-            found += _below_zero(view, parameters[0]) or [*_bent(parameters), *_not_told(parameters)]
+            found += _below_zero(view, sides) or [*_bent(parameters), *_not_told(parameters)]
     worded = [one.worded(factors or {}, u_shift) for one in found]
     return CheckResult(
         log.source,
         tuple(sorted(worded, key=lambda one: (_ORDER[one.severity], -one.sure))),
         parameters,
-        None if view.band is None else view.band.cutoff,
-        values.floor_of(view, model),
+        values.band_of(view, sides),
+        values.floor_of(view, sides),
         did,
         clock.seconds_of(log, restarts),
         len(log),
         view=None if with_values else view,
     )
+
+
+def _fitted(
+    view: View, model: PlantModel | None, observer: ObserverSettings | None, found: Sequence[Finding]
+) -> Sides | None:
+    """Without a model that of the scan is fitted beside friction, weight and springs, where it is to be believed."""
+    scanned = values.believable(view)
+    if model is None and scanned is not None:
+        model = PlantModel(scanned.inertia, max(values.delay_of(scanned, view), 0.0))
+    if model is None:
+        return None
+    late = next((one for one in found if one.late_channel), None)
+    return sides_of(view.log if late is None else without_late(view.log, late), view.restarts, model, observer)
 
 
 def _fails(found: Sequence[Finding]) -> bool:
@@ -123,13 +141,13 @@ def _leaning(parameters: Sequence[Parameter]) -> list[Finding]:
 _AS_WELL = "with friction, weight and stiffness fitted as well"
 
 
-def _below_zero(view: View, inertia: Parameter) -> list[Finding]:
-    """Where a log is too short for the vote on signs."""
-    if not inertia.below_zero or (view.rows is not None and view.rows.speed.size >= values.FEW):
+def _below_zero(view: View, sides: Sides) -> list[Finding]:
+    """Where a log is too short for the vote on signs, and no inertia above 0 lets the model follow it."""
+    if sides.own.fit.total[AT_INERTIA] > 0.0 or (view.rows is not None and view.rows.speed.size >= values.FEW):
         return []
-    what = f"the fit of [model] as it is gives inertia {inertia.value:.3g}, and {_AS_WELL} less than 0"
+    what = "the fit of [model] as it is gives no inertia above 0: no axis has that"
     remedy = "or this log is too short, and a force that holds the axis or a delay is missing in [model]"
-    return [Finding(f"{what}: no axis has that", "u", "warning", 0.8, remedy, (("u", -1.0),), first=True)]
+    return [Finding(what, "u", "warning", 0.8, remedy, (("u", -1.0),), first=True)]
 
 
 def _bent(parameters: Sequence[Parameter]) -> list[Finding]:
@@ -176,7 +194,7 @@ def _judged(
     elif observer is not None and view.band is None and not signs:
         found += check_alone(view.stretches, observer)
     if not signs:
-        found += [*values.check_values(view, model), *_hold(view)]
+        found += _hold(view)
     return found
 
 
@@ -199,4 +217,5 @@ def biased_by_noise(
     """Values of the model that noise in the loop biases in any fit, but for those that are `known` from elsewhere."""
     if result.errors or result.view is None:  # then no value is looked at
         return []
-    return _leaning([one for one in check_parameters(result.view, model, observer) if one.name not in known])
+    sides = sides_of(result.view.log, result.view.restarts, model, observer)
+    return [] if sides is None else _leaning([one for one in parameters_of(sides, model) if one.name not in known])

@@ -115,6 +115,17 @@ def _late(slope: Slope, T: float) -> list[Finding]:
     return [Finding(what, late, "warning", 0.95, remedy, late_channel=late, late_by=abs(slope.late))]
 
 
+def without_late(log: Log, late: Finding) -> Log:
+    """The log without a velocity that is later than the position, or with a position that is put where the velocity has
+    it by now: as they are, both would be a lag of the axis."""
+    channels = dict(log.channels)
+    if late.late_channel == "velocity":
+        del channels["velocity"]
+    else:
+        channels["position"] = channels["position"] + late.late_by * channels["velocity"]
+    return replace(log, channels=channels)
+
+
 def check_jumps(log: Log, restarts: Sequence[int]) -> list[Finding]:
     """Findings about a position that jumps as no axis can, but where another recording begins."""
     if "position" not in log:

@@ -76,7 +76,6 @@ class Parameter:
         controller answers may be what `beside` is off by.
     leaning : what least squares makes of it where noise that the controller answers bends that, so that `value` is by
         the reference as instrument. Else None.
-    below_zero : clearly, and not above it with those forces.
     """
 
     name: str
@@ -88,7 +87,6 @@ class Parameter:
     beside: float | None = None
     lacks_force: bool = False
     leaning: float | None = None
-    below_zero: bool = False
 
 
 #: Moves that are needed for each effect that is asked for.

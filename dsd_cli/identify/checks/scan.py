@@ -33,7 +33,7 @@ class Scanned:
     """The best fit u(t - shift) = J a + motion with J of one sign.
 
     inertia, inertia_error : J and its standard error, errors that are correlated within a sixteenth of the log counted.
-    shift, shift_error : s, by which u is ahead of the motion; a held u acts half a sample less.
+    shift : s, by which u is ahead of the motion; a held u acts half a sample less.
     explained : share of what the rest of the motion leaves of u that J a explains, 0 to 1.
     needed : the same of what the rest of the motion leaves at the delay that suits it best, at most 1: a u that
         switches where friction turns, as that of a relay, is friction and a delay, and has no need of an inertia.
@@ -45,7 +45,6 @@ class Scanned:
     inertia: float
     inertia_error: float
     shift: float
-    shift_error: float
     explained: float
     needed: float
     weight: float
@@ -143,12 +142,10 @@ def _best(sums: _Sums, sign: float, without_any: float, inside: bool) -> Scanned
     rest = (total - gained) / float(sums.power[at])
     parts = [sums.without(block) for block in range(len(sums.aa))]
     inertias = np.array([part.inertia[at] for part in parts])
-    others = [best for part in parts if (best := part.best(sign)) is not None]
     return Scanned(
         inertia,
         float(jackknife(inertias)),
         float(sums.shifts[at]),
-        max(float(jackknife(sums.shifts[others])), float(sums.shifts[1] - sums.shifts[0]) / np.sqrt(12.0)),
         gained / max(total, 1e-300),
         1.0 - rest / max(without_any, 1e-300),
         gained / float(sums.power[at]),

@@ -82,7 +82,7 @@ def _response(keep: LowPass, size: int) -> NDArray[np.complex128]:
 #: Samples of the shortest stretch that is looked at.
 SHORTEST = 50
 #: In the order of `Stretch`.
-_CHANNELS = ("u", "position", "velocity", "d_hat", "reference")
+_CHANNELS = ("u", "position", "velocity", "d_hat")
 
 
 @dataclass(frozen=True)
@@ -98,7 +98,6 @@ class Stretch:
     position: Array | None
     velocity: Array | None
     d_hat: Array | None
-    reference: Array | None = None
     wraps: int = 0
     turn: float = 0.0
 
@@ -147,5 +146,5 @@ def _stretch(log: Log, a: int, b: int) -> Stretch:
         edges, held = np.append(grid, grid[-1] + T), {"u"} if log.u_hold == "held" else set()
         channels = {n: mean_held(x, t, edges) if n in held else np.interp(grid, t, x) for n, x in channels.items()}
         t = grid
-    u, position, velocity, d_hat, reference = (channels.get(name) for name in _CHANNELS)
-    return Stretch(T, t, u, position, velocity, d_hat, reference, wraps, turn)
+    u, position, velocity, d_hat = (channels.get(name) for name in _CHANNELS)
+    return Stretch(T, t, u, position, velocity, d_hat, wraps, turn)

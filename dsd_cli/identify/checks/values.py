@@ -9,8 +9,10 @@ import numpy as np
 from dsd_cli.identify.checks.balance import orthonormal, without
 from dsd_cli.identify.checks.channels import degrees, power_of_two
 from dsd_cli.identify.checks.disturbance import Observed, culprit
+from dsd_cli.identify.checks.fitted import Sides
 from dsd_cli.identify.checks.results import Excitation, Finding
 from dsd_cli.identify.checks.scan import Scanned, View, block_starts, jackknife
+from dsd_cli.identify.results import INERTIA
 from dsd_cli.plant.model import PlantModel
 
 #: Inertia and delay are believed where J a is at least this share of what friction and weight leave of u, whatever the
@@ -18,8 +20,6 @@ from dsd_cli.plant.model import PlantModel
 NEEDED, WEIGHT = 0.5, 0.005
 #: ... and from so many standard errors on.
 CLEAR = 5.0
-#: u is late if it is later than the motion by more than this, in samples.
-LATE_SAMPLES = 1.0
 #: An inertia of the model is another machine, or another unit of u, from this factor on.
 ANOTHER = 3.0
 
@@ -37,21 +37,29 @@ def believable(view: View) -> Scanned | None:
     return fit
 
 
-def check_values(view: View, model: PlantModel | None) -> list[Finding]:
-    """Findings about a u that is later than what it does, and an inertia that is far from the model's."""
+def looks_late(view: View) -> bool:
+    """Whether u may be later than what it does, so that a fit must decide."""
     fit = believable(view)
-    if fit is None:
+    return fit is not None and delay_of(fit, view) < 0.0
+
+
+def check_late(sides: Sides) -> list[Finding]:
+    """A finding about a u that is later than what it does."""
+    if sides.late is None:
         return []
-    found, delay = [], delay_of(fit, view)
-    if delay + CLEAR * fit.shift_error < -LATE_SAMPLES * view.log.sample_time:
-        why = "another clock, a filtered u, or a load behind something soft?"  # a motor's speed leads u with that
-        what = f"u is {-delay * 1e3:.3g} ms later than the motion it causes: {why}"
-        found.append(Finding(what, "u", "warning", 0.9, late=-delay, first=True))
-    if model is not None and not 1.0 / ANOTHER < fit.inertia / model.inertia < ANOTHER:
-        what = f"u and the motion make an inertia of about {fit.inertia:.2g}, [model] has {model.inertia:.4g}"
-        remedy = f"model.inertia = {fit.inertia:.2g}, or signals.u_scale if u is in another unit"
-        found.append(Finding(what, "u", "warning", 0.9, remedy))
-    return found
+    why = "another clock, a filtered u, or a load behind something soft?"  # a motor's speed leads u with that
+    what = f"u is {sides.late[0] * 1e3:.3g} ms later than the motion it causes: {why}"
+    return [Finding(what, "u", "warning", 0.9, late=sides.late[0], first=True)]
+
+
+def check_inertia(sides: Sides, model: PlantModel | None) -> list[Finding]:
+    """A finding about an inertia that is far from the model's."""
+    found = sides.beside.values.estimates[INERTIA]
+    if model is None or found.grade != "identified" or 1.0 / ANOTHER < found.value / model.inertia < ANOTHER:
+        return []
+    what = f"u and the motion make an inertia of about {found.value:.2g}, [model] has {model.inertia:.4g}"
+    remedy = f"model.inertia = {found.value:.2g}, or signals.u_scale if u is in another unit"
+    return [Finding(what, "u", "warning", 0.9, remedy)]
 
 
 #: A band that ends below this holds little of what a servo does, Hz.
@@ -84,11 +92,15 @@ def _step_text(channel: str, step: float) -> str:
     return f"{channel} has steps of {step:.4g}{turn}"
 
 
-def floor_of(view: View, model: PlantModel | None) -> float | None:
+def band_of(view: View, sides: Sides | None) -> float | None:
+    """End of the band of the fit, Hz, else of what the sensor shows; None where it shows no acceleration."""
+    seen = None if view.band is None else view.band.cutoff
+    return seen if sides is None else sides.own.search.equations.band.hz
+
+
+def floor_of(view: View, sides: Sides | None) -> float | None:
     """rms of J a_noise within the band, unit of u; None: unknown, or finer than 24 bits of u, which no sensor has."""
-    fit = believable(view)
-    inertia = model.inertia if model is not None else None if fit is None else fit.inertia
-    floor = math.nan if view.band is None or inertia is None else inertia * view.band.acceleration_noise
+    floor = math.nan if sides is None else sides.own.search.problem.floor
     return floor if floor > np.finfo(np.float32).eps * np.nanmax(np.abs(view.log["u"]), initial=0.0) else None
 
 

@@ -137,3 +137,22 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
     was, left = (mixed(solver.bank.rows(terms, n), solver.fit(terms, n).forward) for n in (here, best))
     by_chance = max(shared_inflation(left[kept], (was - left)[kept]), 1.0)  # Bartlett's factor
     return best if nats(here) - nats(best) + further > further * by_chance else here
+
+
+#: Samples by which u is late at least: sampled from what is continuous it is early by a half, and the mean of the
+#: interval that ends at its stamp, as many a drive logs it, late by one.
+LATE = 0.75
+#: Share of the squares that a u which is late may leave, on time: a missing force leans like lag, but leaves more.
+_EXPLAINED = 0.5
+
+
+def certainly_late(lead: float, error: float, sample_time: float) -> bool:
+    """Whether a u that comes earlier by `lead` +- `error` (s) does so beyond chance, and how it may be sampled."""
+    return lead > max(POLICY.value_deviations * error, LATE * sample_time)
+
+
+def explains_most(left: float, before: float, rows: int) -> bool:
+    """Whether a u on time surely leaves so little of the squares of one that is late that no missing force leans like
+    that. rows : independent equations, of which a few do where nearly nothing is left."""
+    nats = 0.5 * rows * math.log(max(before, 1e-300) / max(left, 1e-300))
+    return left < _EXPLAINED * before and nats > POLICY.response_nats

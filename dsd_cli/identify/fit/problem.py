@@ -76,7 +76,7 @@ class Problem:
     @property
     def beside(self) -> Terms:
         """Effects fitted while the delay is searched: the base, and candidates that are functions of the motion."""
-        return (*self.base, *_functions_of_motion(self.candidates))
+        return (*self.base, *functions_of_motion(self.candidates))
 
     @property
     def floor(self) -> float:
@@ -169,12 +169,12 @@ def pose(
     telling = telling_length([([p["acceleration"] for p in r.pieces], r.sensor.noise) for r in recordings])
     longest = POLICY.longest_delay_share * telling * step
     longest = min(longest, POLICY.longest_delay, max(0.5 * max(r.cycle for r in recordings), 2.0 * model.delay))
-    beside = (*base, *_functions_of_motion(candidates))
+    beside = (*base, *functions_of_motion(candidates))
     bank, most_tap = _bank(recordings, longest, settings.band)
     solver = Solver(bank, lay_blocks(bank.equations.lengths, 1, recordings[0].name), known=known)
     about = None if near is None else round(near / bank.tap_time)
     every, _ = candidates_of(recordings, holdout, model, replace(settings, effects=None))
-    all_beside, tap = (*base, *_functions_of_motion(every)), min(round(model.delay / bank.tap_time), most_tap)
+    all_beside, tap = (*base, *functions_of_motion(every)), min(round(model.delay / bank.tap_time), most_tap)
     inverse = settings.inverse or inverse_is_evidence(solver, all_beside, model.inertia, tap)
     if inverse := inverse and not _drifts(recordings):
         solver = Solver(bank, solver.blocks, known=known, inverse=True)
@@ -241,7 +241,7 @@ def _aside(holdout: Sequence[Recording], equations: Equations) -> Equations | No
     return aside
 
 
-def _functions_of_motion(candidates: Sequence[str]) -> Terms:
+def functions_of_motion(candidates: Sequence[str]) -> Terms:
     """Candidates without a shape that look at the motion alone: while one of them is missing, u looks late."""
     effects = ((name, get_effect(name)) for name in candidates)
     return tuple(

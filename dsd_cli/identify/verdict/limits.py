@@ -17,6 +17,7 @@ import numpy as np
 
 from dsd_cli.identify.fit.bank import SHARE, Terms, has_friction
 from dsd_cli.identify.fit.blocks import condensed
+from dsd_cli.identify.fit.direction import LATE, certainly_late, explains_most
 from dsd_cli.identify.fit.row_weights import many_sure, residual_of_u
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings, constant_u
@@ -30,9 +31,6 @@ from dsd_cli.identify.verdict.discrepancy import in_common
 from dsd_cli.identify.verdict.unacted_command import UnactedCommand, idle_part
 from dsd_cli.signals.log import Array
 
-#: Samples by which u is late at least: sampled from what is continuous it is early by a half, and the mean of the
-#: interval that ends at its stamp, as many a drive logs it, late by one.
-_LATE = 0.75
 #: Of a mended recording, and what a user may ask himself.
 _KIND = "late u"
 _WHY_LATE = "dsd check measures it: another clock, a filtered u, or the mean of the interval that ends at each stamp?"
@@ -42,8 +40,6 @@ _MOST_LATE = 0.1
 _SHORTEST = 2.0
 #: Longest filter that is looked for, s.
 _LONGEST = 0.05
-#: Share of the squares that a u which is late may leave, on time: a missing force leans like lag, but leaves more.
-_EXPLAINED = 0.5
 #: Narrower bands in which a filter is asked for again, as a share, and by what share its time constant may differ
 #: there: what a controller makes of a coarse encoder is another one in each band.
 _BANDS, _SAME = (0.7, 0.85), 0.01
@@ -86,12 +82,11 @@ def command_time(search: Search, whole: Fit, settings: Settings) -> CommandTime:
         return CommandTime()
     freed, residual = _best_freed(search, whole.terms, whole.tap), residual_of_u(whole, search.solver.bank)
     before = float(residual @ residual)
-    if not _certain(search, freed):
+    if not certainly_late(freed.lead, freed.error, search.equations.sample_time):
         return CommandTime()
     if freed.tap == 0:
         at_zero = whole.tap == 0 and float(whole.total[SHARE]) == 0.0
-        nats = 0.5 * search.problem.blocks.rows * math.log(before / max(freed.left, 1e-300))
-        sure = freed.left < _EXPLAINED * before and nats > POLICY.response_nats
+        sure = explains_most(freed.left, before, search.problem.blocks.rows)
         return CommandTime(late=freed.lead if at_zero and sure else 0.0)
     gain = _gain(search, whole, residual, freed)
     if (
@@ -135,10 +130,6 @@ def _in_all_bands(search: Search, whole: Fit, settings: Settings, lead: float) -
     return True
 
 
-def _certain(search: Search, freed: _Freed) -> bool:
-    return freed.lead > max(POLICY.value_deviations * freed.error, _LATE * search.equations.sample_time)
-
-
 def _best_freed(search: Search, terms: Terms, tap: int) -> _Freed:
     """At the delay beyond that of a fit at which least is left: the fit takes a filter off its delay."""
     bank = search.solver.bank
@@ -163,7 +154,7 @@ def _alike(search: Search, whole: Fit, late: float) -> bool:
     """Whether u is as late in each log as in all: one value for `signals.u_shift` is of none where it is not."""
     logs = range(len(search.problem.recordings))
     each = [_freed(search, whole.terms, 0, i) for i in logs] if len(logs) > 1 else []
-    near = (1.0 - _LATE) * search.equations.sample_time
+    near = (1.0 - LATE) * search.equations.sample_time
     return all(abs(f.lead - late) < max(POLICY.told_deviations * f.error, near) for f in each)
 
 

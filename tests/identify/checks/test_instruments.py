@@ -92,8 +92,8 @@ def test_what_the_reference_identifies_enters_a_fit_with_its_error():
     assert found["inertia"].identified == "identified"
     assert f"--prior inertia={found['inertia'].value:.4g}+-{found['inertia'].std_error:.2g}" in said.remedy
     assert "--fix" not in said.remedy
-    assert found["delay"].leaning - 3.0 * found["delay"].std_error > 0.0  # the pendulum has none
-    assert "delay is" in said.what
+    assert abs(found["delay"].value) < 2.0 * found["delay"].std_error  # the pendulum has none
+    assert "delay is" not in said.what  # least squares are as unsure of it
 
 
 @pytest.mark.parametrize("seed", range(2))
@@ -105,7 +105,7 @@ def test_a_sensor_that_is_hardly_off_leaves_least_squares_alone(seed):
 
 
 def test_commands_that_fit_say_it_first_unless_the_value_is_given(tmp_path):
-    """`diagnose` said 0.006 +- 0.002 of 0.2 and no word of it, where `dsd check` knew."""
+    """`diagnose` said 0.008 +- 0.004 of 0.2 and no word of it, where `dsd check` knew."""
     write(tmp_path, "log.csv", pendulum(0, 0.003))
     effects = {name: f"[model.effects.{name}]\n" for name in BELIEVED.effects}
     text = f'[signals]\nreference = "reference"\n{OBSERVER}[model]\ninertia = 0.15\n' + "".join(
@@ -118,7 +118,7 @@ def test_commands_that_fit_say_it_first_unless_the_value_is_given(tmp_path):
         return [one for one in loaded.warnings if "by the reference" in one]
 
     (said,) = warned(text)
-    assert re.match(r"inertia is 0\.0426 by least squares and 0\.201 by the reference: the controller answers", said)
+    assert re.match(r"inertia is 0\.00779 by least squares and 0\.205 by the reference: the controller answers", said)
     assert "--prior inertia=0.2" in said
     assert warned(text + f'[fit.prior]\ninertia = "{J}+-0.01"\n') == []
     assert warned(text.replace('reference = "reference"', 'reference = ""')) == []

@@ -1,12 +1,12 @@
 """Which values a log tells: the true machine's values within their errors, and what no such log can tell."""
 
-import math
-
 import numpy as np
 import pytest
 
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.checks import check_log
+from dsd_cli.identify.final_fit import add_effect
+from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Log
 from tests.identify.checks.rig import log_of, model_of, observer_of, recordings, servo
@@ -84,7 +84,6 @@ def test_gravity_of_an_axis_that_hardly_turns_is_not_told():
     model = PlantModel(true.inertia, true.delay, {**true.effects, "gravity": {"amplitude": 0.0, "phase": 0.0}})
     found = by_name(check_log(log_of(recording), model))
     assert found["gravity.phase"].identified == "not"  # of an amplitude of 0
-    assert math.isnan(found["gravity.phase"].value)
     assert found["coulomb_friction.level"].identified == "identified"
     warned = [
         one for one in check_log(log_of(recording), model).findings if "not identifiable from this log" in one.what
@@ -162,7 +161,7 @@ def test_no_complete_model_is_said_to_bend_a_value_where_the_controller_answers_
 
 @pytest.mark.parametrize("seed", range(3))
 def test_a_reference_shows_that_a_force_is_missing(seed):
-    """Friction, of a controller whose sensor is hardly off."""
+    """Friction, of a controller whose sensor is hardly off: the values with it are right."""
     result = check_log(Log(pendulum(seed, 1e-6), 0.002, "log"), PlantModel(J, 0.0, WEIGHS))
     found = by_name(result)
     bends = {name for name in ("inertia", "delay") if found[name].beside is not None and found[name].lacks_force}
@@ -174,3 +173,32 @@ def test_a_reference_shows_that_a_force_is_missing(seed):
 
 def lacking(result):
     return [one for one in result.findings if "a force is missing in [model] and biases" in one.what]
+
+
+def test_values_are_those_that_add_would_write():
+    """One engine: what `dsd check` says of a value no command that fits denies."""
+    recording = servo("velocity")
+    true = model_of(recording)
+    off = PlantModel(1.3 * true.inertia, true.delay, true.effects)
+    said = by_name(check_log(log_of(recording), off, observer_of(recording)))
+    prepared = prepare(log_of(recording), observer_of(recording))
+    written = add_effect([prepared], off, observer_of(recording), "inertia").estimates
+    assert said.keys() == written.keys()
+    for name, one in said.items():
+        assert (one.value, one.std_error) == pytest.approx((written[name].value, written[name].std_error)), name
+
+
+@pytest.mark.parametrize("mean_before", [True, False])
+def test_a_u_that_is_the_mean_before_its_stamp_is_one_sample_late(mean_before):
+    """As drives log a measured torque: 1 sample was said to be 0.8 and no word of it; one that is held is on time."""
+    T, rng, rows = 0.004, np.random.default_rng(21), 3000
+    held = np.convolve(rng.standard_normal(rows + 20), np.hanning(21) / 5.0, "valid")[:rows]
+    v, q = np.zeros(rows), np.zeros(rows)  # exact: u is held, and nothing but the inertia is there
+    for k in range(1, rows):
+        a = held[k - 1] / J
+        v[k], q[k] = v[k - 1] + a * T, q[k - 1] + v[k - 1] * T + 0.5 * a * T**2
+    u = np.concatenate([held[:1], held[:-1]]) if mean_before else held
+    log = Log({"t": T * np.arange(rows), "u": u, "position": np.round(q / 1e-5) * 1e-5}, T)
+    late = [one for one in check_log(log, PlantModel(J)).findings if one.late]
+    assert len(late) == mean_before
+    assert all(one.late == pytest.approx(T, rel=0.02) for one in late)
