@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dsd_cli.cli.init_delay import explains, only_channel, put_delays, short
 from dsd_cli.cli.init_proposal import (
     UNITS,
     Proposal,
@@ -114,10 +115,11 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
             _propose_numbers(loaded, factors, out, doubted)
     for (section, key), value in asked.values.items():
         out.put(section, key, value)
+        out.comments.pop((section, key), None)
     said = [*out.said, *questions(out)]
     text = headed(template_text("lab"), source_name(name))
     for (section, key), written in out.values.items():
-        text = with_value(text, section, key, written)
+        text = with_value(text, section, key, written, out.comments.get((section, key), ""))
     if unread is not None:
         text = f"# <- MISSING: its rows could not be read, all numbers below are the template's\n{text}"
     if not chosen.missing and (step or not unstamped):
@@ -221,15 +223,16 @@ def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal
     inertia, delay = _told(checked, "inertia"), _told(checked, "delay")
     if inertia is None or inertia <= 0.0:
         _without_inertia(log, out)
-        _put_delays(0.0 if delay is None else max(delay, 0.0), step, delay is not None, out, _only_channel(log))
+        put_delays(max(delay or 0.0, 0.0), step, False, out, only_channel(log))
         return
     inertia = float(f"{inertia:.3g}")
     out.put("observer", "nominal_inertia", inertia, "identified from this log, per unit of u")
     out.put("model", "inertia", inertia)
-    out.put("states", "inertias", [_short(0.67 * inertia), inertia, _short(1.5 * inertia)])
+    out.put("states", "inertias", [short(0.67 * inertia), inertia, short(1.5 * inertia)])
     at = max(delay or 0.0, 0.0)
-    _put_delays(at, step, delay is not None, out, _only_channel(log))
-    left = _left(loaded, PlantModel(inertia, at), ObserverSettings(inertia, 5 * step, 1))
+    alone = at > 0.5 * step and explains(check_log(log, PlantModel(inertia, at), None, loaded.restarts), "delay")
+    put_delays(at, step, alone, out, only_channel(log))
+    left = _left(loaded, PlantModel(inertia, at if alone else 0.0), ObserverSettings(inertia, 5 * step, 1))
     if 0.0 < left < float(np.std(log["u"])):  # more is no fit at all, as of trials joined in one file
         rho = float(f"{max(RHO_OF_LEFT * left, RHO_LEAST * float(np.std(log['u']))):.3g}")
         out.put("detector", "rho", rho, f"{RHO_OF_LEFT:g} times what inertia and delay leave")
@@ -260,28 +263,6 @@ def _doubt_time_unit(step: float, out: Proposal) -> None:
         )
 
 
-def _put_delays(at: float, step: float, told: bool, out: Proposal, only: str = "") -> None:
-    """only : the channel from which alone the motion is known."""
-    if told and at > 0.5 * step:
-        wide = max(step, 0.5 * at)
-        delays = [_short(at - wide), _short(at), _short(at + wide)]
-        late = (
-            f", if it is u that is late and not the measured {only}: one motion channel cannot show which"
-            if only
-            else ""
-        )
-        out.put("states", "delays", delays, f"around {at:.3g} s, identified from this log{late}")
-        out.put("model", "delay", _short(at))
-    else:
-        out.put("states", "delays", [0.0, *(_short(k * step) for k in (1, 2, 4))], "0, 1, 2 and 4 samples")
-
-
-def _only_channel(log: Log) -> str:
-    """The motion channel of a log that has no other."""
-    motion = [name for name in ("position", "velocity", "d_hat") if name in log]
-    return motion[0] if len(motion) == 1 and motion != ["d_hat"] else ""
-
-
 def _told(checked: CheckResult, name: str) -> float | None:
     """A value that is identifiable to within half of it."""
     return next((one.value for one in checked.parameters if one.name == name and one.identified != "not"), None)
@@ -294,7 +275,3 @@ def _left(loaded: LoadedLog, model: PlantModel, observer: ObserverSettings) -> f
     error: Array = np.abs(observed["d_hat"] - predict_d_hat(model, observed, observer))
     error = error[np.isfinite(error)]
     return float(np.sqrt(np.mean(error[error <= np.quantile(error, 0.95)] ** 2))) if error.size else 0.0
-
-
-def _short(value: float) -> float:
-    return float(f"{max(value, 0.0):.3g}")

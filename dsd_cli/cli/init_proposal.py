@@ -32,12 +32,14 @@ class OpenUnit(NamedTuple):
 class Proposal:
     """(section, key) -> TOML value, one line for each thing that was found or guessed, and what is left open.
 
-    `asked`: position or velocity -> what is known of its unit, where that is not enough.
+    `asked`: position or velocity -> what is known of its unit, where that is not enough. `comments`: of keys whose
+    lines say why they are so.
     """
 
     values: dict[tuple[str, str], str] = field(default_factory=dict)
     said: list[str] = field(default_factory=list)
     asked: dict[str, OpenUnit] = field(default_factory=dict)
+    comments: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def put(self, section: str, key: str, value: object, why: str = "") -> None:
         """Set a key; `why`, where it is worth a line."""
