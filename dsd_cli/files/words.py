@@ -69,6 +69,9 @@ OF_ACCELERATION = {f"{unit}/s{square}" for unit in ("m", "mm", "rad", "deg", "°
 SUPPLY = {"battery", "batt", "bms", "bus", "vbus", "supply", "psu", "vcc", "vdc", "zwischenkreis"}
 ELSE |= ERRORS | SUPPLY | HEAT
 
+#: What axes are called after where they point or stand: the whole name of a position, and of nothing else a part.
+PLACES = {"pan", "tilt", "yaw", "pitch", "roll", "azimuth", "elevation", "heading", "height", "stroke"}
+
 #: Words of a column that counts the rows.
 COUNTERS = {"n", "k", "i", "nr", "no", "row", "index", "idx", "count", "counter", "sample", "samples", "id", "cycle"}
 #: What holds quaternions, and what their parts are called where nothing says so: no places and no speeds.
