@@ -17,6 +17,7 @@ from dsd_cli.cli.init_proposal import (
     Proposal,
     answer_unit,
     as_told,
+    count_open,
     drop_open,
     factors_of,
     is_open,
@@ -101,6 +102,7 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
             out.put(section, key, value)
             if key.endswith("_scale"):
                 drop_open(out, [key.removesuffix("_scale")])
+    count_open(out)
     unstamped = not chosen.missing and not chosen.clock and "time" not in chosen.found
     step = _rows_apart(chosen, asked, looked.sample_time, out) if unstamped else None
     unread: DsdError | None = None
