@@ -7,6 +7,7 @@ import math
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
@@ -37,7 +38,7 @@ from dsd_cli.files.formats.base import CLOCK
 from dsd_cli.files.logs import LoadedLog, load_log
 from dsd_cli.files.sample import sample
 from dsd_cli.files.tables_in import metadata_of
-from dsd_cli.files.template import headed, template_text, with_value
+from dsd_cli.files.template import headed, template_text, with_table, with_value
 from dsd_cli.identify.checks import CheckResult, check_log
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.observer import observe_log
@@ -57,12 +58,16 @@ RHO_LEAST = 0.002
 
 
 class Asked(NamedTuple):
-    """What the user said: role -> column, (section, key) -> value; `ask` him for a column, None: nobody is there."""
+    """What the user said: role -> column, (section, key) -> value; `ask` him for a column, None: nobody is there.
+
+    `tables`: (section, key) -> what is below it, as [model.effects].
+    """
 
     given: Mapping[str, str]
     values: Mapping[tuple[str, str], object]
     layout: CsvLayout | None = None
     ask: Callable[[str, Sequence[str]], str] | None = None
+    tables: Mapping[tuple[str, str], Mapping[str, object]] = MappingProxyType({})
 
 
 class Proposed(NamedTuple):
@@ -122,6 +127,8 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
     text = headed(template_text("lab"), source_name(name))
     for (section, key), written in out.values.items():
         text = with_value(text, section, key, written, out.comments.get((section, key), ""))
+    for (section, key), table in asked.tables.items():
+        text = with_table(text, section, key, table)
     if unread is not None:
         text = f"# <- MISSING: its rows could not be read, all numbers below are the template's\n{text}"
     if not chosen.missing and (step or not unstamped):
