@@ -7,7 +7,7 @@ from dsd_cli.identify.checks import CheckResult
 from dsd_cli.signals.log import Log
 
 #: Why a delay that the log makes is not written.
-_NOT_ALONE = "but as much may be made by a force that [model] lacks, as friction (dsd diagnose tells them apart)"
+_NOT_ALONE = "but as much may be made by a force that [model] lacks, as friction (see dsd diagnose)"
 
 
 def explains(checked: CheckResult, name: str) -> bool:

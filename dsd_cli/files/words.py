@@ -26,6 +26,11 @@ WORDS: Mapping[str, tuple[str, ...]] = {
         "posizione", "posicion", "位置", "角度",
     ),
 }  # fmt: skip
+#: Those of u that are a torque or a force, and nothing that makes one.
+OF_FORCE = {
+    "torque", "trq", "effort", "force", "moment", "drehmoment", "kraft", "tau", "thrust", "couple", "coppia",
+    "トルク", "推力", "转矩", "扭矩",
+}  # fmt: skip
 #: Words of what was asked for, not measured.
 ASKED = {
     "ref", "reference", "set", "setpoint", "target", "desired", "des", "soll", "cmd", "command", "demand", "goal",

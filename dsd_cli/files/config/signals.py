@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 
 from dsd_cli.files.config.rules import Place, Rule, Section, choice, factor, key, number, shown, span, text
 from dsd_cli.files.csv_layout import CsvLayout
+from dsd_cli.files.recognise import names_force
 from dsd_cli.signals.units import POSITION, SHORTEST, VELOCITY, Units
 
 
@@ -221,7 +222,7 @@ class Signals(Section):
         named += ["rad"] if self.counts_per_turn else ["m"] if self.counts_per_metre else []
         position = next(filter(None, named), "")
         open_ones = UNKNOWN in (self.position_unit, self.velocity_unit) and abs(self.position_scale) == 1.0
-        return Units(self.u_unit, position, assumed=open_ones and not position)
+        return Units(self.u_unit, position, open_ones and not position, not self.u_unit and names_force(self.u))
 
     def _units_text(self) -> str:
         named = {name: getattr(self, f"{name}_unit") for name in ("position", "velocity")}
