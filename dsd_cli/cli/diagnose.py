@@ -36,6 +36,7 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
     from dsd_cli.cli.plan import widening
     from dsd_cli.cli.progress import Progress
     from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
+    from dsd_cli.report.verdict import once_late
 
     apart, plot, quiet = options.apart, options.plot, options.quiet
     settings = options.settings()
@@ -46,7 +47,7 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
         found, recordings = _found(given, asked, progress, quiet)
         found = replace(found, advice=(*said_of_hold(given, log, found), *found.advice, *said_of_moves(recordings)))
     report = DiagnosisReport(
-        replace(found, warnings=(*given.warnings, *found.warnings)), given.model, apart, given.dropped
+        replace(found, warnings=once_late(given.warnings, found.warnings)), given.model, apart, given.dropped
     )
     warn(quiet, report.result.warnings)
     if options.form is Format.JSON:

@@ -110,19 +110,24 @@ def _asked(named: dict[str, str], override: list[str], quiet: bool) -> Asked:
 
     from dsd_cli.cli.init_log import Asked
     from dsd_cli.errors import UsageError
-    from dsd_cli.files.config import parse_config
+    from dsd_cli.files.config.config import parse_tables, read_config
     from dsd_cli.files.config.overrides import with_values
     from dsd_cli.files.config.signals import COLUMNS
+    from dsd_cli.files.template import template_text
 
-    tables = with_values({}, override)
-    values = {(section, key): value for section, keys in tables.items() for key, value in dict(keys).items()}
-    if any(isinstance(value, dict) for value in values.values()):
-        raise UsageError("--set of init takes SECTION.KEY=VALUE", "write deeper keys into the config itself")
-    csv = parse_config("").override([text for text in override if text.startswith(("csv.", "signals."))]).csv
+    written = with_values({}, override)
+    if flat := next((name for name, keys in written.items() if not isinstance(keys, dict)), ""):
+        raise UsageError(f"--set {flat}", "--set of init takes SECTION.KEY=VALUE")
+    template = parse_tables(template_text("lab"), "template lab")
+    template["signals"] = {}  # which are those of the log
+    csv = read_config(with_values(template, override), "dsd.toml with --set").csv
+    said = {(section, key): value for section, keys in written.items() for key, value in keys.items()}
+    tables = {key: value for key, value in said.items() if isinstance(value, dict)}
+    values = {key: value for key, value in said.items() if key not in tables}
     person = not quiet and sys.stdin.isatty() and sys.stderr.isatty()
     columns = {role: str(values[("signals", role)]) for role in COLUMNS if values.get(("signals", role))}
     named = columns | named
-    return Asked(named, values, csv.layout, _question if person else None)
+    return Asked(named, values, csv.layout, _question if person else None, tables)
 
 
 def _question(missing: str, candidates: Sequence[str]) -> str:

@@ -7,15 +7,18 @@ import math
 import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from types import MappingProxyType
 from typing import NamedTuple
 
 import numpy as np
 
+from dsd_cli.cli.init_delay import explains, only_channel, put_delays, short
 from dsd_cli.cli.init_proposal import (
     UNITS,
     Proposal,
     answer_unit,
     as_told,
+    count_open,
     drop_open,
     factors_of,
     is_open,
@@ -35,7 +38,7 @@ from dsd_cli.files.formats.base import CLOCK
 from dsd_cli.files.logs import LoadedLog, load_log
 from dsd_cli.files.sample import sample
 from dsd_cli.files.tables_in import metadata_of
-from dsd_cli.files.template import headed, template_text, with_value
+from dsd_cli.files.template import headed, template_text, with_table, with_value
 from dsd_cli.identify.checks import CheckResult, check_log
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.observer import observe_log
@@ -55,12 +58,16 @@ RHO_LEAST = 0.002
 
 
 class Asked(NamedTuple):
-    """What the user said: role -> column, (section, key) -> value; `ask` him for a column, None: nobody is there."""
+    """What the user said: role -> column, (section, key) -> value; `ask` him for a column, None: nobody is there.
+
+    `tables`: (section, key) -> what is below it, as [model.effects].
+    """
 
     given: Mapping[str, str]
     values: Mapping[tuple[str, str], object]
     layout: CsvLayout | None = None
     ask: Callable[[str, Sequence[str]], str] | None = None
+    tables: Mapping[tuple[str, str], Mapping[str, object]] = MappingProxyType({})
 
 
 class Proposed(NamedTuple):
@@ -100,6 +107,7 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
             out.put(section, key, value)
             if key.endswith("_scale"):
                 drop_open(out, [key.removesuffix("_scale")])
+    count_open(out)
     unstamped = not chosen.missing and not chosen.clock and "time" not in chosen.found
     step = _rows_apart(chosen, asked, looked.sample_time, out) if unstamped else None
     unread: DsdError | None = None
@@ -114,10 +122,13 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
             _propose_numbers(loaded, factors, out, doubted)
     for (section, key), value in asked.values.items():
         out.put(section, key, value)
+        out.comments.pop((section, key), None)
     said = [*out.said, *questions(out)]
     text = headed(template_text("lab"), source_name(name))
     for (section, key), written in out.values.items():
-        text = with_value(text, section, key, written)
+        text = with_value(text, section, key, written, out.comments.get((section, key), ""))
+    for (section, key), table in asked.tables.items():
+        text = with_table(text, section, key, table)
     if unread is not None:
         text = f"# <- MISSING: its rows could not be read, all numbers below are the template's\n{text}"
     if not chosen.missing and (step or not unstamped):
@@ -221,15 +232,16 @@ def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal
     inertia, delay = _told(checked, "inertia"), _told(checked, "delay")
     if inertia is None or inertia <= 0.0:
         _without_inertia(log, out)
-        _put_delays(0.0 if delay is None else max(delay, 0.0), step, delay is not None, out, _only_channel(log))
+        put_delays(max(delay or 0.0, 0.0), step, False, out, only_channel(log))
         return
     inertia = float(f"{inertia:.3g}")
     out.put("observer", "nominal_inertia", inertia, "identified from this log, per unit of u")
     out.put("model", "inertia", inertia)
-    out.put("states", "inertias", [_short(0.67 * inertia), inertia, _short(1.5 * inertia)])
+    out.put("states", "inertias", [short(0.67 * inertia), inertia, short(1.5 * inertia)])
     at = max(delay or 0.0, 0.0)
-    _put_delays(at, step, delay is not None, out, _only_channel(log))
-    left = _left(loaded, PlantModel(inertia, at), ObserverSettings(inertia, 5 * step, 1))
+    alone = at > 0.5 * step and explains(check_log(log, PlantModel(inertia, at), None, loaded.restarts), "delay")
+    put_delays(at, step, alone, out, only_channel(log))
+    left = _left(loaded, PlantModel(inertia, at if alone else 0.0), ObserverSettings(inertia, 5 * step, 1))
     if 0.0 < left < float(np.std(log["u"])):  # more is no fit at all, as of trials joined in one file
         rho = float(f"{max(RHO_OF_LEFT * left, RHO_LEAST * float(np.std(log['u']))):.3g}")
         out.put("detector", "rho", rho, f"{RHO_OF_LEFT:g} times what inertia and delay leave")
@@ -260,28 +272,6 @@ def _doubt_time_unit(step: float, out: Proposal) -> None:
         )
 
 
-def _put_delays(at: float, step: float, told: bool, out: Proposal, only: str = "") -> None:
-    """only : the channel from which alone the motion is known."""
-    if told and at > 0.5 * step:
-        wide = max(step, 0.5 * at)
-        delays = [_short(at - wide), _short(at), _short(at + wide)]
-        late = (
-            f", if it is u that is late and not the measured {only}: one motion channel cannot show which"
-            if only
-            else ""
-        )
-        out.put("states", "delays", delays, f"around {at:.3g} s, identified from this log{late}")
-        out.put("model", "delay", _short(at))
-    else:
-        out.put("states", "delays", [0.0, *(_short(k * step) for k in (1, 2, 4))], "0, 1, 2 and 4 samples")
-
-
-def _only_channel(log: Log) -> str:
-    """The motion channel of a log that has no other."""
-    motion = [name for name in ("position", "velocity", "d_hat") if name in log]
-    return motion[0] if len(motion) == 1 and motion != ["d_hat"] else ""
-
-
 def _told(checked: CheckResult, name: str) -> float | None:
     """A value that is identifiable to within half of it."""
     return next((one.value for one in checked.parameters if one.name == name and one.identified != "not"), None)
@@ -294,7 +284,3 @@ def _left(loaded: LoadedLog, model: PlantModel, observer: ObserverSettings) -> f
     error: Array = np.abs(observed["d_hat"] - predict_d_hat(model, observed, observer))
     error = error[np.isfinite(error)]
     return float(np.sqrt(np.mean(error[error <= np.quantile(error, 0.95)] ** 2))) if error.size else 0.0
-
-
-def _short(value: float) -> float:
-    return float(f"{max(value, 0.0):.3g}")

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 from dsd_cli.cli.init_roles import Chosen
 from dsd_cli.cli.init_units import Units
+from dsd_cli.errors import UsageError
 from dsd_cli.files.config import Signals
 from dsd_cli.files.config.signals import UNKNOWN
 from dsd_cli.files.names_in import words_in
@@ -32,12 +33,14 @@ class OpenUnit(NamedTuple):
 class Proposal:
     """(section, key) -> TOML value, one line for each thing that was found or guessed, and what is left open.
 
-    `asked`: position or velocity -> what is known of its unit, where that is not enough.
+    `asked`: position or velocity -> what is known of its unit, where that is not enough. `comments`: of keys whose
+    lines say why they are so.
     """
 
     values: dict[tuple[str, str], str] = field(default_factory=dict)
     said: list[str] = field(default_factory=list)
     asked: dict[str, OpenUnit] = field(default_factory=dict)
+    comments: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def put(self, section: str, key: str, value: object, why: str = "") -> None:
         """Set a key; `why`, where it is worth a line."""
@@ -128,6 +131,27 @@ def drop_open(out: Proposal, channels: Collection[str] = ("position", "velocity"
         if is_open(out, channel):
             del out.values["signals", f"{channel}_unit"]
             out.asked.pop(channel, None)
+
+
+def count_open(out: Proposal) -> None:
+    """With the counts of the encoder, of which the user said how many there are, as the unit that nothing says.
+
+    Raises
+    ------
+    UsageError : the name of the column says another.
+    """
+    told = next((key for key in ("counts_per_turn", "counts_per_metre") if ("signals", key) in out.values), "")
+    channel = "position" if ("signals", "position") in out.values else "velocity"
+    unit = json.loads(out.values.get(("signals", f"{channel}_unit"), '""'))
+    if not told or unit.startswith("counts"):
+        return
+    counts = "counts" if channel == "position" else "counts/s"
+    if unit not in ("", UNKNOWN):
+        column = out.values["signals", channel]
+        how = f"leave it out, or say --set signals.{channel}_unit={counts}"
+        raise UsageError(f"signals.{told} is given, and {column} is in {unit}", how)
+    out.put("signals", f"{channel}_unit", counts, f"{told} is given")
+    out.asked.pop(channel, None)
 
 
 def is_open(out: Proposal, channel: str) -> bool:

@@ -13,6 +13,7 @@ from dsd_cli.cli.init_roles import GIVEN, Chosen, Coarse
 from dsd_cli.cli.init_stamps import unit_of_stamps
 from dsd_cli.cli.init_units import step_of
 from dsd_cli.errors import printable
+from dsd_cli.files.recognise import role_of_unit, unit_in
 from dsd_cli.files.template import with_value
 from dsd_cli.signals.clock import TIME_SCALE
 
@@ -66,9 +67,10 @@ def column_question(path: str, chosen: Chosen, given: Mapping[str, str], text: s
     """What is left to say, the command that says it, and the line of the config in which it is missing."""
     what = "the control input (torque, force, current, voltage)" if chosen.missing == "u" else "the motion"
     listed = ", ".join(chosen.candidates[:8]) + (" ..." if len(chosen.candidates) > 8 else "")
-    text = with_value(
-        text, "signals", chosen.missing, '""', printable(f"# <- MISSING: {what}{listed and f'; one of {listed}'}")
-    )
+    role, other = chosen.missing, ("velocity", "a speed")
+    if role != "u" and listed and all(_is_speed(chosen, name) for name in chosen.candidates):
+        role, other = "velocity", ("position", "a place")
+    text = with_value(text, "signals", role, '""', printable(f"# <- MISSING: {what}{listed and f'; one of {listed}'}"))
     kind, none = "motion", bool(chosen.idle) and not chosen.candidates
     if chosen.missing == "u":
         kind, none = "control input", chosen.none_left and not chosen.again
@@ -82,12 +84,18 @@ def column_question(path: str, chosen: Chosen, given: Mapping[str, str], text: s
     named = {role: column for role, column in given.items() if role in GIVEN and role != "u"}
     named = {"u": given.get("u", chosen.found["u"].column if "u" in chosen.found else "NAME"), **named}
     if not moves:
-        named.setdefault("position", "NAME")
+        named.setdefault("velocity" if role == "velocity" else "position", "NAME")
     command = f"dsd init {shlex.quote(path)} --force {_options(named)}".rstrip()
     here = set() if chosen.table is None else {c.name for c in chosen.table.channels}
     listed += " (of another time base: both are joined)" * bool(listed and here.isdisjoint(chosen.candidates))
-    speed = " (--velocity NAME, if it is a speed)" * bool(listed and chosen.missing != "u")
+    speed = f" (--{other[0]} NAME, if it is {other[1]})" * bool(listed and chosen.missing != "u")
     return Question(text, f"which column is {what}? {listed or 'none looks like it'}{speed}", command)
+
+
+def _is_speed(chosen: Chosen, name: str) -> bool:
+    """Whether the unit of a column, or the end of its name, says so."""
+    units = {} if chosen.table is None else {one.name: one.unit for one in chosen.table.channels}
+    return role_of_unit(units.get(name) or unit_in(name, "velocity")) == "velocity"
 
 
 def _options(named: Mapping[str, str]) -> str:

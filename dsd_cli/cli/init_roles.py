@@ -18,8 +18,8 @@ from dsd_cli.cli.init_union import (
     is_clock,
     is_part,
     of_encoder,
+    of_kind,
     of_other_joints,
-    turning,
     union_of,
     usable,
 )
@@ -36,6 +36,7 @@ from dsd_cli.files.recognise import (
     is_neither,
     is_voltage,
     recognise,
+    role_of_unit,
     unit_in,
 )
 from dsd_cli.files.sample import Sample, Table
@@ -173,7 +174,7 @@ def by_names(table: Table, given: Mapping[str, str]) -> FirstLook:
             found[role] = Recognised(role, column, units[column] or unit_in(column, role))
     if table.clock and "time" not in given:
         found.pop("time", None)
-    return turning(FirstLook(tuple(names), units, found, table.clock))
+    return of_kind(FirstLook(tuple(names), units, found, table.clock))
 
 
 def beside_a_clock(table: Table) -> set[str]:
@@ -288,6 +289,11 @@ def _chosen(look: FirstLook, table: Table, roles: Roles) -> Chosen:
     said = tuple(
         f'"{name}" goes as the motion does: it was asked for, or measured again' for name in sorted(roles.again)
     )
+    if missing == "u" and [role_of_unit(look.units[c] or unit_in(c, "u")) for c in candidates] == ["u"]:
+        by_unit = {"u": Recognised("u", candidates[0], look.units[candidates[0]] or unit_in(candidates[0], "u"))}
+        counted, found = counted | by_unit, found | by_unit
+        missing = "" if any(one in found for one in MOTION) else "position"
+        candidates = candidates[1:]
     candidates = candidates if missing else ()
     reasons = {**roles.found, **{role: Guess(one.column, "by its unit") for role, one in counted.items()}}
     return Chosen(found, reasons, look.clock, table, said, missing, candidates, again=roles.again)

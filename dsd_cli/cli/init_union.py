@@ -3,15 +3,16 @@ and names say what they are, as nothing else can be said."""
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from dsd_cli.files.first_look import FirstLook
 from dsd_cli.files.joints import numbered_as, other_joints
+from dsd_cli.files.names_in import words_in
 from dsd_cli.files.recognise import (
     Recognised,
     is_asked,
-    is_error,
     is_force,
     is_motion,
     is_neither,
@@ -21,7 +22,7 @@ from dsd_cli.files.recognise import (
     unit_in,
 )
 from dsd_cli.files.sample import Table
-from dsd_cli.files.words import NAMED, OF_ENCODER, quaternions, whole_unit
+from dsd_cli.files.words import MEASURED, NAMED, OF_ENCODER, PLACES, quaternions, whole_unit
 from dsd_cli.signals.facts import Channel, facts_of
 
 #: How evenly a clock rises that has another name.
@@ -123,14 +124,30 @@ def of_encoder(look: FirstLook, taken: Collection[str]) -> dict[str, Recognised]
     return found
 
 
-def turning(look: FirstLook) -> FirstLook:
-    """With the speed that no name says, where one column that was measured is in turns a minute: nothing else is."""
+def of_kind(look: FirstLook) -> FirstLook:
+    """With the motion that no name says, where the unit, else the whole name, of one column that was measured does."""
     taken = {one.column for one in look.found.values()}
-    free = [c for c in look.columns if c not in taken and not is_asked(c) and not is_error(c)]
-    units = {c: look.units[c] or unit_in(c, "velocity") for c in free}
-    in_turns = {c: unit for c, unit in units.items() if NAMED["velocity"].get(whole_unit(unit)) == "rpm"}
-    one = None if look.found.keys() & {"position", "velocity"} else _only("velocity", in_turns)
-    return look if one is None else replace(look, found={**look.found, "velocity": one})
+    free = [c for c in look.columns if c not in taken and not is_asked(c) and not is_force(c, look.units[c])]
+    units = {c: kind for c in free if not is_neither(c, look.units[c]) and (kind := _kind_of(c, look.units[c]))}
+    if look.found.keys() & {"position", "velocity"} or not units:
+        return look
+    of_role = {role: [c for c, kind in units.items() if kind[0] == role] for role in ("velocity", "position")}
+    found = {role: Recognised(role, cs[0], units[cs[0]][1]) for role, cs in of_role.items() if len(cs) == 1}
+    return look if any(len(cs) > 1 for cs in of_role.values()) else replace(look, found={**look.found, **found})
+
+
+def _kind_of(name: str, unit: str) -> tuple[str, str] | None:
+    """Of a column its role, velocity or position, and its unit; None: neither unit nor name says it.
+
+    Of hertz there are more than motions, and the m of i_m is that of a motor.
+    """
+    *_, last = name.split("/")
+    for role in ("velocity", "position"):
+        said = unit or unit_in(name, role)
+        if whole_unit(said) in NAMED[role].keys() - {"hz"} and not (not unit and re.fullmatch(r"._m", last)):
+            return role, said
+    (*more, word) = [one for one in words_in(last) if one not in MEASURED] or [""]
+    return ("position", "") if word in PLACES and not (unit or more) else None
 
 
 def forces_in(tables: Sequence[Table], found: Mapping[str, Recognised]) -> tuple[str, ...]:

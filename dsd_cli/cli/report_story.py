@@ -49,6 +49,7 @@ from dsd_cli.report.ladder import LadderReport, step_line
 from dsd_cli.report.names import listed
 from dsd_cli.report.page.series import Views, channels_of, views
 from dsd_cli.report.page.story import Labels, Outcome, SourceFile, Story
+from dsd_cli.report.verdict import once_late
 
 if TYPE_CHECKING:
     from dsd_cli.cli.labels_out import Write
@@ -261,7 +262,7 @@ def _diagnosed(given: Given, first: Sequence[Diagnosis]) -> DiagnosisReport:
     if not found.stability:
         found = with_stability(found, as_mended(given, found).recordings, given.model, given.engine_settings)
     found = in_units(found, given.settings.signals.units)
-    found = replace(found, warnings=(*given.warnings, *found.warnings))
+    found = replace(found, warnings=once_late(given.warnings, found.warnings))
     return DiagnosisReport(found, given.model, tuple(r.name for r in given.holdout), given.dropped)
 
 

@@ -93,6 +93,8 @@ def unit_in(name: str, channel: str) -> str:
         return whole
     if re.search(r"\.\w$", last):
         return ""  # IqCmd.a of a controller is an address
+    if channel != "time" and len(last) > 1 and plain_unit(last) in known:
+        return last  # rpm, volt, counts: nothing but a unit; one letter is a name
     *before, unit = re.split(r"[_\s]", last)
     if channel == "u" and any(before) and unit.lower() in OF_U:
         return unit.lower()  # mNm is one word

@@ -23,6 +23,7 @@ from dsd_cli.files.words import (
     NAMED,
     OF_ACCELERATION,
     OF_ENCODER,
+    OF_FORCE,
     OF_HEAT,
     OF_U,
     QUATERNIONS,
@@ -144,6 +145,11 @@ def role_of_unit(unit: str) -> str:
 def is_current(name: str, unit: str) -> bool:
     """Whether name or unit say that it is a current."""
     return whole_unit(unit) in {"a", "ma", "amp", "amps"} or _has(name, {"current", "strom", "iq", "amps", "amp"})
+
+
+def names_force(name: str) -> bool:
+    """Whether a name says that it is a torque or a force itself, and no current or voltage that makes one."""
+    return _has(name, OF_FORCE) and not (is_current(name, "") or is_voltage(name, "") or _has(name, {"duty", "pwm"}))
 
 
 def is_voltage(name: str, unit: str) -> bool:

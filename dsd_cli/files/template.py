@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from dsd_cli.errors import UsageError
 
@@ -66,7 +67,7 @@ def with_value(text: str, section: str, key: str, value: str, comment: str = "")
     end = re.search(r"^\[", text[head.end() :], flags=re.MULTILINE)
     stop = head.end() + end.start() if end else len(text)
     body = text[head.end() : stop]
-    line = re.compile(rf"^(?:# )?{key} = (\[[^\]]*\]|\"[^\"]*\"|[^#\s]+)(.*)$", flags=re.MULTILINE)
+    line = re.compile(rf"^(?:# )?{key} = (\[[^\]]*\]|\{{[^}}]*\}}|\"[^\"]*\"|[^#\s]+)(.*)$", flags=re.MULTILINE)
     if line.search(body):
         put = f"{key} = {value}"
         body = line.sub(lambda found: f"{put}  {comment}" if comment else _aligned(put, found), body, count=1)
@@ -75,3 +76,22 @@ def with_value(text: str, section: str, key: str, value: str, comment: str = "")
     if key == "sample_time":
         body = re.sub(r"^time = .*\n", "", body, flags=re.MULTILINE)
     return text[: head.end()] + body + text[stop:]
+
+
+def with_table(text: str, section: str, key: str, table: Mapping[str, Any]) -> str:
+    """The text with what that table of a section says: `[section.key]`, or within what stands in the section in line.
+
+    Raises
+    ------
+    UsageError : the text is no config any more.
+    """
+    from dsd_cli.files.config.config import parse_tables
+    from dsd_cli.files.config.toml_text import inline, leaves, literal
+
+    there = parse_tables(text, "dsd.toml").get(section, {}).get(key)
+    if there is not None:
+        whole = {**there, **table} if isinstance(there, dict) else table
+        return with_value(text, section, key, inline({path: literal(value) for path, value in leaves(whole).items()}))
+    for path, value in leaves(table).items():
+        text = with_value(text, ".".join((section, key, *path[:-1])), path[-1], literal(value))
+    return text

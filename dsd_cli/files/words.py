@@ -26,6 +26,11 @@ WORDS: Mapping[str, tuple[str, ...]] = {
         "posizione", "posicion", "位置", "角度",
     ),
 }  # fmt: skip
+#: Those of u that are a torque or a force, and nothing that makes one.
+OF_FORCE = {
+    "torque", "trq", "effort", "force", "moment", "drehmoment", "kraft", "tau", "thrust", "couple", "coppia",
+    "トルク", "推力", "转矩", "扭矩",
+}  # fmt: skip
 #: Words of what was asked for, not measured.
 ASKED = {
     "ref", "reference", "set", "setpoint", "target", "desired", "des", "soll", "cmd", "command", "demand", "goal",
@@ -68,6 +73,9 @@ OF_ACCELERATION = {f"{unit}/s{square}" for unit in ("m", "mm", "rad", "deg", "°
 #: Words of what feeds a drive, which no motion follows.
 SUPPLY = {"battery", "batt", "bms", "bus", "vbus", "supply", "psu", "vcc", "vdc", "zwischenkreis"}
 ELSE |= ERRORS | SUPPLY | HEAT
+
+#: What axes are called after where they point or stand: the whole name of a position, and of nothing else a part.
+PLACES = {"pan", "tilt", "yaw", "pitch", "roll", "azimuth", "elevation", "heading", "height", "stroke"}
 
 #: Words of a column that counts the rows.
 COUNTERS = {"n", "k", "i", "nr", "no", "row", "index", "idx", "count", "counter", "sample", "samples", "id", "cycle"}

@@ -13,7 +13,7 @@ from dsd_cli.identify.recordings.recording import Mended
 from dsd_cli.plant.model import DELAY as DELAY
 from dsd_cli.plant.model import INERTIA as INERTIA
 from dsd_cli.plant.model import PlantModel
-from dsd_cli.signals.units import FORCES, PER_UNIT, Units
+from dsd_cli.signals.units import PER_UNIT, Units
 
 #: Verdicts that are no effect.
 NONE, UNKNOWN = "none", "unknown"
@@ -283,7 +283,7 @@ def in_units(result: Any, units: Units) -> Any:
         return tuple(in_units(value, units) for value in result)
     if isinstance(result, Units):
         return units
-    if isinstance(result, Diagnosis) and units.u in FORCES and PER_UNIT in result.advice:
+    if isinstance(result, Diagnosis) and units.is_force and PER_UNIT in result.advice:
         result = replace(result, advice=tuple(line for line in result.advice if line != PER_UNIT))
     if isinstance(result, Diagnosis | Candidate | Addition | Step | Ladder | LogLevels):
         held = {f.name: getattr(result, f.name) for f in fields(result)}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 
 from dsd_cli.effects import delays_command, get_effect
@@ -70,7 +71,7 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
     more, on = result.unexplained, f" over {listed(result.unexplained.on)}" if result.unexplained.on else ""
     if not believed(result.probability) and more.probability > result.probability:
         sure += f", less than of a force{on} that no effect of the catalogue describes, {percent(more.probability)}"
-    verb = "is" if winner.effect not in placed and believed(result.probability) else "may be"
+    verb = "is" if believed(result.probability) else "may be"
     if winner.effect in (INERTIA, DELAY) or (given is not None and winner.effect in given.effects):
         line = f"{_as_given(winner, given)} of [model] {verb} wrong: {values}{sure}{beside}; {held} {falls}"
     else:
@@ -95,6 +96,16 @@ def late_text(effects: Iterable[str], provenance: Mapping[str, str]) -> str:
     )
 
 
+def once_late(checked: Iterable[str], found: Iterable[str]) -> tuple[str, ...]:
+    """Warnings of the check and of the search: a u that the search finds late or smoothed is said once, by its number.
+
+    The check has it from the acceleration alone, the search from all forces that it found.
+    """
+    said = tuple(found)
+    late = any(one.startswith(("u is later than the motion", "u is smoothed by")) for one in said)
+    return (*(one for one in checked if not (late and "later than the motion it causes" in one)), *said)
+
+
 def advice_of(result: Diagnosis) -> tuple[str, ...]:
     """What to do next, the most useful first: where u may be late or the only channel of the motion, what shows it."""
     channel = only_channel(result.provenance)
@@ -103,8 +114,12 @@ def advice_of(result: Diagnosis) -> tuple[str, ...]:
     return (f"is u late, or the measured {channel}? {_TO_SETTLE[channel]}", *result.advice)
 
 
+#: Below this probability no effect is named as one that may be missing.
+_NAMED = math.exp(-POLICY.effect_price)
+
+
 def _with_the_set(result: Diagnosis, winner: Candidate) -> tuple[str, str]:
-    """(the others that are rather missing than not, how the held-out error moves with all and this one alone)."""
+    """(the others that are missing or may be, how the held-out error moves with all and this one alone)."""
     unit, others = result.units.force, [name for name in result.found if name != winner.effect]
     alone = moves(winner.heldout_rmse_before, winner.heldout_rmse_after)
     if not result.whole_values or not others:
@@ -114,8 +129,11 @@ def _with_the_set(result: Diagnosis, winner: Candidate) -> tuple[str, str]:
     # of several of a kind the ranking has the first alone
     likely = {one.effect: one.probability for one in result.ranking}
     likely |= {one.effect: one.probability for one in result.missing}
-    others = [name for name in others if name not in likely or believed(likely[name])]
-    beside = f", and so {'is' if len(others) == 1 else 'are'} {listed(others)}" if others else ""
+    sure = [name for name in others if name not in likely or believed(likely[name])]
+    rest = sorted((name for name in others if name not in sure), key=lambda name: -likely[name])
+    perhaps = [f"{name} ({percent(likely[name])})" for name in rest if likely[name] >= _NAMED]
+    beside = f", and so {'is' if len(sure) == 1 else 'are'} {listed(sure)}" if sure else ""
+    beside += f", and perhaps {listed(perhaps)}" if perhaps else ""
     return beside, f"{together} with all ({unit}); {only}"
 
 

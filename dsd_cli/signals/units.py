@@ -58,12 +58,19 @@ PER_UNIT = (
 class Units:
     """The user's units: of u as he names it, of positions in SI; "" where he did not say.
 
-    `assumed`: positions are taken as SI, and may be in degrees, turns or mm: nothing says it.
+    `assumed`: positions are taken as SI, and may be in degrees, turns or mm: nothing says it. `by_name`: the column of
+    u, whose unit is not said, is called a torque or a force.
     """
 
     u: str = ""
     position: str = ""
     assumed: bool = False
+    by_name: bool = False
+
+    @property
+    def is_force(self) -> bool:
+        """Whether u is a torque or a force, and no volts or amperes that make one."""
+        return self.u in FORCES if self.u else self.by_name
 
     @property
     def force(self) -> str:

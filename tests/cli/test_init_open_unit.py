@@ -46,7 +46,7 @@ def test_a_verdict_that_depends_on_the_unit_says_so_until_it_is_given(tmp_path: 
     assert any("signals.position_unit" in one["remedy"] for one in checked(tmp_path)["findings"])
     found = diagnosed(tmp_path)
     assert found["verdict"] != "gravity"
-    assert f"{found['verdict']} may be missing" in found["verdict_text"]
+    assert f"{found['verdict']} is missing" in found["verdict_text"]
     assert "so called with the position in rad or m, which nothing says" in found["verdict_text"]
     done("init", "log.csv", "--force", "--set", "signals.position_unit=deg", cwd=tmp_path)
     config = load_config(tmp_path / "dsd.toml")

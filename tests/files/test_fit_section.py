@@ -80,9 +80,28 @@ def test_units_bring_their_factors_and_their_names():
 
 
 @pytest.mark.parametrize(
+    ("text", "channel"),
+    [
+        ("", "position"),
+        ('position_unit = "unknown"\nvelocity_unit = "unknown"', "position"),
+        ('velocity_unit = "unknown"', "velocity"),
+        ('position_unit = "unknown"\nvelocity_unit = "counts/s"', "position"),
+        ('position = ""', "velocity"),
+    ],
+)
+def test_counts_to_a_turn_say_that_what_has_no_unit_is_in_counts(text: str, channel: str) -> None:
+    signals = parse_config(f"[signals]\ncounts_per_turn = 4096\n{text}\n").signals
+    assert signals.factors()[channel] == pytest.approx(2.0 * math.pi / 4096)
+    assert not signals.units.assumed
+
+
+@pytest.mark.parametrize(
     "text",
     [
         'position_unit = "deg"\nposition_scale = 2.0',
+        'position_unit = "deg"\ncounts_per_turn = 2000',
+        'position_unit = "rad"\nvelocity_unit = "rad/s"\ncounts_per_turn = 2000',
+        'velocity_unit = "rpm"\nposition = ""\ncounts_per_turn = 2000',
         'position_unit = "counts"',
         'position_unit = "m"\nvelocity_unit = "rpm"',
         'position_unit = "furlong"',

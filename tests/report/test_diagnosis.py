@@ -8,14 +8,16 @@ import numpy as np
 import pytest
 
 from dsd_cli.errors import DataError
+from dsd_cli.files.config import parse_config
 from dsd_cli.identify.missing import Missing, Unexplained
-from dsd_cli.identify.results import Candidate, Estimate
+from dsd_cli.identify.results import Candidate, Estimate, in_units
 from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
 from dsd_cli.report.figure import rendered
 from dsd_cli.report.names import moves, percent
 from dsd_cli.report.plots_diagnosis import draw
-from dsd_cli.report.verdict import verdict_line
+from dsd_cli.report.verdict import once_late, verdict_line
 from dsd_cli.report.views_diagnosis import residual_views
+from dsd_cli.signals.units import PER_UNIT, Units
 from tests.report.examples import DIAGNOSIS, GIVEN, NAN, NOTHING, RANKING, UNKNOWN, recording
 
 REPORT = DiagnosisReport(DIAGNOSIS, GIVEN, ("b.csv",), {"gap": 3})
@@ -140,6 +142,52 @@ def test_lines_of_one_kind_that_are_rather_not_there_are_not_said_to_be() -> Non
     said = verdict_line(several)
     assert ", and so are viscous_asymmetry, cogging and cogging_2;" in said
     assert "cogging_3" not in said
+
+
+def test_others_of_the_set_that_may_be_missing_are_said_with_how_sure_they_are() -> None:
+    """Backlash of 40 % of u, at 44 %, stood in the list of what was found, and not in the sentence."""
+    found = (*SEVERAL.found, "backlash", "cogging")
+    several = replace(SEVERAL, found=found, missing=(Missing("backlash", 0.44), Missing("cogging", 0.04)))
+    said = verdict_line(several)
+    assert ", and so is viscous_asymmetry, and perhaps backlash (44 %); the held-out" in said
+    assert "cogging" not in said
+    alone = verdict_line(replace(several, found=("coulomb_friction", "backlash")))
+    assert "probability 97 %, and perhaps backlash (44 %); the held-out" in alone
+
+
+def test_a_likely_force_is_missing_even_where_its_name_depends_on_an_open_unit() -> None:
+    """ "gravity may be missing ... probability 98 %": the doubt is about the name, and stands apart."""
+    gravity = replace(DIAGNOSIS.ranking[0], effect="gravity", indistinguishable_from=())
+    likely = replace(DIAGNOSIS, verdict="gravity", ranking=(gravity,), found=(), units=Units(assumed=True))
+    line = verdict_line(likely)
+    assert line.startswith("gravity is missing: ")
+    assert "which nothing says" in line
+    assert verdict_line(replace(likely, probability=0.4)).startswith("gravity may be missing: ")
+
+
+LATE = "a.csv: u is 18 ms later than the motion it causes: signals.u_shift = -0.018 (dsd check says more)"
+
+
+@pytest.mark.parametrize(
+    "found", ["u is later than the motion that it causes, by about 26 ms", "u is smoothed by about 24"]
+)
+def test_that_u_is_late_is_said_once_with_one_number(found: str) -> None:
+    assert once_late([LATE, "a.csv: short"], [found, "other"]) == ("a.csv: short", found, "other")
+    assert once_late([LATE], ["other"]) == (LATE, "other")
+
+
+@pytest.mark.parametrize(
+    ("column", "unit", "advised"),
+    [
+        ("torque", "", False), ("tau", "", False), ("force_cmd", "", False), ("motor_trq", "", False),
+        ("u", "", True), ("torque_current", "", True), ("iq", "", True), ("torque", "A", True), ("iq", "N m", False),
+    ],
+)  # fmt: skip
+def test_what_a_gain_does_is_no_advice_where_u_is_called_a_torque_or_a_force(column, unit, advised) -> None:
+    units = parse_config(f'[signals]\nu = "{column}"\nu_unit = "{unit}"\n').signals.units
+    advice = in_units(replace(DIAGNOSIS, advice=(PER_UNIT, "more")), units).advice
+    assert (PER_UNIT in advice) is advised
+    assert "more" in advice
 
 
 def test_words_do_not_contradict_their_probability() -> None:

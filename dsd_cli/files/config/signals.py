@@ -9,6 +9,7 @@ from typing import Any, ClassVar, Literal
 
 from dsd_cli.files.config.rules import Place, Rule, Section, choice, factor, key, number, shown, span, text
 from dsd_cli.files.csv_layout import CsvLayout
+from dsd_cli.files.recognise import names_force
 from dsd_cli.signals.units import POSITION, SHORTEST, VELOCITY, Units
 
 
@@ -151,6 +152,8 @@ class Signals(Section):
     def __init__(self, **values: Any) -> None:
         if values.get("sample_time") is not None:
             values.setdefault("time", None)
+        if values.get("counts_per_turn") or values.get("counts_per_metre"):
+            values |= _in_counts(values)
         super().__init__(**values)
 
     def check(self, at: Place) -> None:
@@ -219,7 +222,11 @@ class Signals(Section):
         named += ["rad"] if self.counts_per_turn else ["m"] if self.counts_per_metre else []
         position = next(filter(None, named), "")
         open_ones = UNKNOWN in (self.position_unit, self.velocity_unit) and abs(self.position_scale) == 1.0
-        return Units(self.u_unit, position, assumed=open_ones and not position)
+        return Units(self.u_unit, position, open_ones and not position, not self.u_unit and names_force(self.u))
+
+    def _units_text(self) -> str:
+        named = {name: getattr(self, f"{name}_unit") for name in ("position", "velocity")}
+        return " and ".join(f"{name}_unit is {shown(unit)}" for name, unit in named.items() if unit)
 
     def _check_units(self, at: Place) -> None:
         for name in ("position", "velocity"):
@@ -230,10 +237,23 @@ class Signals(Section):
                 raise at.missing("counts_per_turn", f"{name}_unit = {shown(unit)} needs it, or counts_per_metre")
         if self.counts_per_turn and self.counts_per_metre:
             raise at.child("counts_per_metre").wrong(self.counts_per_metre, "left out: counts_per_turn is given")
+        used = any(unit.startswith("counts") for unit in (self.position_unit, self.velocity_unit))
+        if not used and (self.counts_per_turn or self.counts_per_metre):
+            name = "counts_per_turn" if self.counts_per_turn else "counts_per_metre"
+            raise at.child(name).wrong(getattr(self, name), f"left out: {self._units_text()}, not counts")
         kinds = {POSITION.get(self.position_unit, ("",))[0], VELOCITY.get(self.velocity_unit, ("",))[0]} - {""}
         if len(kinds) > 1:
             found = f"position_unit is {shown(self.position_unit)}"
             raise at.child("velocity_unit").wrong(self.velocity_unit, f"of the same kind: {found}")
+
+
+def _in_counts(values: Mapping[str, Any]) -> dict[str, str]:
+    """What the counts of an encoder are the unit of, where nothing else says it: the position, else the velocity."""
+    position, velocity = values.get("position_unit", ""), values.get("velocity_unit", "")
+    if values.get("position", "") is None:
+        return {"velocity_unit": "counts/s"} if velocity in ("", UNKNOWN) else {}
+    open_one = position == UNKNOWN or (position == "" and not velocity.startswith("counts"))
+    return {"position_unit": "counts"} if open_one else {}
 
 
 #: Keys of [signals] that say how a column is read, and those that name one.
