@@ -67,7 +67,7 @@ def test_the_frictions_of_an_axis_that_is_all_friction_are_named_first(drive):
     found = {name: one.value for name, one in drive.values.items()}
     assert found["viscous_friction.coefficient"] == pytest.approx(VISCOUS, rel=0.02)
     assert found["coulomb_friction.level"] == pytest.approx(COULOMB, rel=0.02)
-    assert abs(found["inertia"] - INERTIA) < 3.0 * drive.values["inertia"].std_error
+    assert drive.values["inertia"].grade == "not"  # as the diagnosis of the same log says
 
 
 def test_what_was_missing_and_what_is_left_are_two_numbers(drive):
