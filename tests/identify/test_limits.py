@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -26,7 +27,6 @@ DELAY_MS = 20  # of the rig
 FEW = ("periodic_disturbance", "coulomb_friction", "viscous_friction", "stiffness", "actuator_lag")
 #: And what stands in for a u that was not the whole of it, or is hidden by that.
 MORE = (*FEW, "quadratic_drag", "saturation", "presliding_friction", "backlash", "flexible_coupling")
-DECAY = np.exp(-1.0 / 5.0)  # of a filter of 5 ms at 1 kHz
 
 
 def given(case, samples=0, spoil=dict):
@@ -180,9 +180,10 @@ def test_usual_sensors_tell_the_direction(sensing):
     assert limits.said == ()
 
 
-def behind_a_filter(channels):
-    """First order, 5 ms."""
-    return {**channels, "u": lfilter([1.0 - DECAY], [1.0, -DECAY], channels["u"])}
+def behind_a_filter(channels, samples=5):
+    """First order, of so many samples."""
+    decay = np.exp(-1.0 / samples)
+    return {**channels, "u": lfilter([1.0 - decay], [1.0, -decay], channels["u"])}
 
 
 def with_hum(channels):
@@ -198,23 +199,22 @@ def said_of_filter(found):
 
 
 @pytest.mark.parametrize(
-    ("what", "sensing", "delay_ms"),
+    ("what", "sensing", "delay_ms", "filter_ms"),
     [
-        ((), "enc4096", DELAY_MS),
-        (("quadratic_drag",), "speed40k", DELAY_MS),
-        (("viscous_friction",), "speed40k", 0),
+        ((), "enc4096", DELAY_MS, 5),
+        (("quadratic_drag",), "speed40k", DELAY_MS, 5),
+        ((), "enc40k", 0, 20),
     ],
     ids=["nothing missing", "drag missing", "a filter longer than the delay"],
 )
-def test_a_filter_that_u_was_logged_behind_is_undone_and_no_load_and_no_play(what, sensing, delay_ms):
+def test_a_filter_that_u_was_logged_behind_is_undone_and_no_load_and_no_play(what, sensing, delay_ms, filter_ms):
     """Presliding friction was missing at 99 %; then nothing could be said; and without a delay u was late."""
-    recording, model, observer = given(
-        RigCase(what=what, seed=7100, sensing=sensing, duration=10.0), DELAY_MS - delay_ms, behind_a_filter
-    )
+    case = RigCase(what=what, seed=7100, sensing=sensing, duration=10.0)
+    recording, model, observer = given(case, DELAY_MS - delay_ms, partial(behind_a_filter, samples=filter_ms))
     model = replace(model, delay=1e-3 * delay_ms)
     found = diagnose([recording], model, observer, Settings(effects=MORE))
     assert (found.verdict, found.found) == (what[0] if what else "none", what)
-    assert said_of_filter(found) == pytest.approx(0.005, rel=0.02)
+    assert said_of_filter(found) == pytest.approx(1e-3 * filter_ms, rel=0.02)
     assert found.estimates["delay"].grade == "not"
     assert not any("later than the motion" in w for w in found.warnings)
     (lag,) = [c for c in found.ranking if c.effect == "actuator_lag"]
