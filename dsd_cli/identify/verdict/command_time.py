@@ -67,13 +67,12 @@ class CommandTime:
     """How the logged u is against the one that moved the axis.
 
     late : s by which it is later than the motion; 0 if it is not. smoothed : time constant of the filter that it has
-    passed, s; 0 if there is none. imitated_by : effects of what was found that nobody needs once that is undone.
-    explained : of a filter, whether all that was found is needed beside it. alike : whether it is so in each log.
+    passed, s; 0 if there is none. explained : of a filter, whether all that was found is needed beside it. alike :
+    whether it is so in each log.
     """
 
     late: float = 0.0
     smoothed: float = 0.0
-    imitated_by: tuple[str, ...] = ()
     explained: bool = False
     alike: bool = False
 
@@ -89,11 +88,7 @@ class CommandTime:
         """That, and what to do about it, where the logs stay as they are."""
         if self.late:
             return f"{self.said} ({_WHY_LATE}). Take that off signals.u_shift and ask again"
-        less = " and ".join(self.imitated_by)
-        return (
-            f"{self.said}{less and f': undone, it leaves less than {less}'}. {_WHY_SMOOTHED} Log it without, or undo it"
-            f" (signals.u_filter, {self.smoothed:.2g} s more than it has)"
-        )
+        return f"{self.said}. {_WHY_SMOOTHED} Undo it (signals.u_filter, {self.smoothed:.2g} s more than it has)"
 
 
 def command_time(search: Search, whole: Fit, settings: Settings) -> CommandTime:
@@ -109,11 +104,14 @@ def command_time(search: Search, whole: Fit, settings: Settings) -> CommandTime:
     nats = 0.5 * search.problem.blocks.rows * math.log(before / max(freed.left, 1e-300))
     if not at_zero or freed.left >= _EXPLAINED * before or nats <= POLICY.response_nats:
         return CommandTime()
-    step = search.equations.sample_time
-    moved = [earlier(r, math.ceil(freed.lead / step) * step) for r in search.problem.recordings]
+    step, recordings = search.equations.sample_time, search.problem.recordings
+    late = CommandTime(freed.lead, alike=_alike(search, whole.terms, freed))
+    if freed.lead < _SHORTEST * step or not _short(freed.lead, recordings):
+        return late
+    moved = [earlier(r, math.ceil(freed.lead / step) * step) for r in recordings]
     there = posed(moved, search.problem.model, settings, 0.0)
     behind = _behind_filter(there, there.refined(there.fit(whole.terms, there.refit.tap)), settings)
-    return behind if behind.smoothed else CommandTime(freed.lead, alike=_alike(search, whole.terms, freed))
+    return behind if behind.smoothed else late
 
 
 def _behind_filter(search: Search, whole: Fit, settings: Settings) -> CommandTime:
@@ -129,17 +127,15 @@ def _behind_filter(search: Search, whole: Fit, settings: Settings) -> CommandTim
         or not _in_all_bands(search, whole, settings, freed.lead)
     ):
         return CommandTime()
-    terms, needless = whole.terms, []
+    terms = whole.terms
     for term in reversed(added):
         rest = tuple(t for t in terms if t != term)
         without = _best_freed(search, rest, whole.tap)
         if (without.left - freed.left) / search.noise.nats < search.price((term,)) + POLICY.least_gain:
             terms, freed = rest, without
-            needless.append(term.id)
     step = search.solver.bank.tap_time
     constant = step / math.log1p(step / freed.lead)  # of a u that is held
-    explained = bool(added) and not needless
-    return CommandTime(0.0, constant, tuple(needless), explained, _alike(search, terms, freed))
+    return CommandTime(0.0, constant, bool(added) and terms == whole.terms, _alike(search, terms, freed))
 
 
 def _gain(search: Search, whole: Fit, residual: Array, freed: _Freed) -> float:
@@ -198,6 +194,11 @@ def _alike(search: Search, terms: Terms, found: _Freed) -> bool:
     return all(abs(f.lead - found.lead) < max(POLICY.told_deviations * f.error, near) for f in each)
 
 
+def _short(seconds: float, recordings: Sequence[Recording]) -> bool:
+    """Whether that is a small share of each."""
+    return all(seconds <= _MOST_LATE * max(len(p) * p.sample_time for p in r.pieces) for r in recordings)
+
+
 def on_time(
     time: CommandTime, model: PlantModel, recordings: Sequence[Recording], holdout: Sequence[Recording]
 ) -> Mended | None:
@@ -207,8 +208,7 @@ def on_time(
     kind, mend = (SMOOTHED, unfiltered) if time.smoothed else (LATE, earlier)
     by_u = any(kind in r.taken_off or "reconstructed" in r.provenance.get("velocity", "") for r in every)
     off = time.smoothed or time.late + model.delay
-    longest = min(max(len(p) * p.sample_time for p in r.pieces) for r in every)
-    if not time.alike or by_u or off > _MOST_LATE * longest:
+    if not time.alike or by_u or not _short(off, every):
         return None
     if time.smoothed:
         said = (
