@@ -32,9 +32,8 @@ from dsd_cli.signals.log import Array
 #: Samples by which u is late at least: sampled from what is continuous it is early by a half, and the mean of the
 #: interval that ends at its stamp, as many a drive logs it, late by one.
 _LATE = 0.75
-#: What a user may ask himself.
 _WHY_SMOOTHED = "Is it logged behind a filter, or does the sensor sit behind something soft?"
-_WHY_LATE = "dsd check measures it: another clock, a filtered u, or the mean of the interval that ends at each stamp?"
+_WHY_LATE = "Another clock, a filtered u, or the mean of the interval that ends at each stamp? dsd check measures it."
 #: Share of a recording that u may be late by, to be taken on time.
 _MOST_LATE = 0.1
 #: Shortest filter that is said, samples: a clock that was made even smooths u by one.
@@ -85,10 +84,8 @@ class CommandTime:
 
     @property
     def question(self) -> str:
-        """That, and what to do about it, where the logs stay as they are."""
-        if self.late:
-            return f"{self.said} ({_WHY_LATE}). Take that off signals.u_shift and ask again"
-        return f"{self.said}. {_WHY_SMOOTHED} Undo it (signals.u_filter, {self.smoothed:.2g} s more than it has)"
+        """That, and what the user may ask himself."""
+        return f"{self.said}. {_WHY_SMOOTHED if self.smoothed else _WHY_LATE}"
 
 
 def command_time(search: Search, whole: Fit, settings: Settings) -> CommandTime:
@@ -212,17 +209,15 @@ def on_time(
         return None
     if time.smoothed:
         said = (
-            f"{time.said}. {_WHY_SMOOTHED} Here it counts as unfiltered: set signals.u_filter = {off:.3g} (so much more"
-            " if it has one); an actuator_lag looks just like the filter and is not identifiable then"
+            f"Here it counts as unfiltered: set signals.u_filter = {off:.3g} (so much more if it has one); an"
+            " actuator_lag looks just like the filter and is not identifiable then"
         )
     else:
         rest = f" with the delay of [model], {model.delay * 1e3:.2g} ms," if model.delay else ""
-        said = (
-            f"{time.said} ({_WHY_LATE}). Here{rest} it counts as {1e3 * off:.3g} ms earlier: take that off"
-            " signals.u_shift; the delay itself is not identifiable then"
-        )
+        said = f"Here{rest} it counts as {1e3 * off:.3g} ms earlier: take that off signals.u_shift; the delay itself"
+        said += " is not identifiable then"
     moved, aside = (tuple(mend(r, off) for r in some) for some in (recordings, holdout))
-    return Mended(moved, aside, (said,))
+    return Mended(moved, aside, (f"{time.question} {said}",))
 
 
 def was_late(mended: Mended) -> bool:

@@ -65,7 +65,8 @@ class Limits:
                 " another time? Or is the log so short that a longer one, or faster moves, would show more?"
             )
         elif self.time.said:
-            found.append(self.time.question)
+            key = "u_filter" if self.time.smoothed else "u_shift"
+            found.append(f"{self.time.question} Undo it by signals.{key} and ask again")
         if self.direction < POLICY.least_told_direction:
             found.append(
                 f"the sensor shows the direction of the motion in {100.0 * self.direction:.0f} % of the samples in"
