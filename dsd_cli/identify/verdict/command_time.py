@@ -121,7 +121,6 @@ def _behind_filter(search: Search, whole: Fit, settings: Settings) -> CommandTim
         or freed.lead < _SHORTEST * search.equations.sample_time
         or _gain(search, whole, residual, freed) < POLICY.response_nats
         or freed.left > (1.0 - POLICY.clear_fall) ** 2 * float(residual @ residual)
-        or not _in_all_bands(search, whole, settings, freed.lead)
     ):
         return CommandTime()
     terms = whole.terms
@@ -130,6 +129,9 @@ def _behind_filter(search: Search, whole: Fit, settings: Settings) -> CommandTim
         without = _best_freed(search, rest, whole.tap)
         if (without.left - freed.left) / search.noise.nats < search.price((term,)) + POLICY.least_gain:
             terms, freed = rest, without
+    # without what stood in for the filter, which takes more of it in one band than in another
+    if not _in_all_bands(search, search.fit(terms, whole.tap), settings, freed.lead):
+        return CommandTime()
     step = search.solver.bank.tap_time
     constant = step / math.log1p(step / freed.lead)  # of a u that is held
     return CommandTime(0.0, constant, bool(added) and terms == whole.terms, _alike(search, terms, freed))
