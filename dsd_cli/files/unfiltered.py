@@ -10,14 +10,13 @@ import numpy as np
 from dsd_cli.files.table_source import Batch, TableSource
 from dsd_cli.files.wrapped import ClockedTable
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.low_pass import in_front
 
 
 def unfiltered(table: TableSource, time_constant: float, time_scale: float, sample_time: float | None) -> TableSource:
     """The table with u as it was in front of the filter; the table itself, bit by bit, where `time_constant` is 0.
 
-    A u that is held from sample to sample leaves u_f[k] = a u_f[k-1] + (1 - a) u[k] behind 1 / (time_constant s + 1),
-    with a = exp(-(t[k] - t[k-1]) / time_constant); that is solved for u[k]. What u was before the first row nobody
-    knows: it counts as constant there.
+    By `signals.low_pass.in_front`: a u that is held from sample to sample.
 
     Parameters
     ----------
@@ -50,7 +49,4 @@ class _Unfiltered(ClockedTable):
         and one that comes again is not read."""
         if t.size == 0:
             return u, last
-        step = np.diff(t, prepend=last[0])
-        share = np.exp(-np.where(step > 0.0, step, np.inf) / self._time_constant)
-        before = np.concatenate([[last[1]], u[:-1]])
-        return np.where(share > 0.0, (u - share * before) / (1.0 - share), u), (float(t[-1]), float(u[-1]))
+        return in_front(t, u, self._time_constant, last), (float(t[-1]), float(u[-1]))

@@ -3,6 +3,7 @@
 import json
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -26,14 +27,14 @@ DELAY_MS = 20  # of the rig
 FEW = ("periodic_disturbance", "coulomb_friction", "viscous_friction", "stiffness", "actuator_lag")
 #: And what stands in for a u that was not the whole of it, or is hidden by that.
 MORE = (*FEW, "quadratic_drag", "saturation", "presliding_friction", "backlash", "flexible_coupling")
-DECAY = np.exp(-1.0 / 5.0)  # of a filter of 5 ms at 1 kHz
 
 
-def given(case, samples=0):
-    """(recording, model, observer) of a log; u so many samples later against the motion than it was."""
+def given(case, samples=0, spoil=dict):
+    """(recording, model, observer) of a log; u so many samples later against the motion than it was, then spoilt."""
     (log,) = make([case])
     count = len(log.channels["t"]) - samples
-    return asked(log, {name: x[:count] if name in ("t", "u") else x[samples:] for name, x in log.channels.items()})
+    shown = {name: x[:count] if name in ("t", "u") else x[samples:] for name, x in log.channels.items()}
+    return asked(log, spoil(shown))
 
 
 def spoilt(case, spoil, effects=MORE):
@@ -179,9 +180,10 @@ def test_usual_sensors_tell_the_direction(sensing):
     assert limits.said == ()
 
 
-def behind_a_filter(channels):
-    """First order, 5 ms."""
-    return {**channels, "u": lfilter([1.0 - DECAY], [1.0, -DECAY], channels["u"])}
+def behind_a_filter(channels, samples=5):
+    """First order, of so many samples."""
+    decay = np.exp(-1.0 / samples)
+    return {**channels, "u": lfilter([1.0 - decay], [1.0, -decay], channels["u"])}
 
 
 def with_hum(channels):
@@ -190,21 +192,40 @@ def with_hum(channels):
     return {**channels, "u": u + 0.3 * np.sqrt(2.0) * np.std(u) * np.sin(2.0 * np.pi * 50.0 * t)}
 
 
-def test_a_u_that_was_logged_behind_a_filter_is_no_load_and_no_play():
-    """Presliding friction was missing at 99 %."""
-    found = spoilt(RigCase(what=(), seed=7100, sensing="enc4096", duration=10.0), behind_a_filter)
-    assert (found.verdict, found.found) == ("unknown", ())
-    assert all(c.probability == 0.0 for c in found.ranking if c.effect not in ("inertia", "delay"))
+def said_of_filter(found):
+    """s, of the only sentence about it."""
     (said,) = [w for w in found.warnings if "signals.u_filter" in w]
-    assert float(re.search(r"signals\.u_filter, ([0-9.]+) s more than it has\)", said)[1]) == pytest.approx(
-        0.005, rel=0.15
-    )
+    return float(re.search(r"signals\.u_filter = ([0-9.]+)", said)[1])
 
 
-def test_a_filter_beside_a_true_effect_is_said_and_hides_nothing():
-    found = spoilt(RigCase(what=("quadratic_drag",), seed=7100, sensing="speed40k", duration=10.0), behind_a_filter)
-    assert found.verdict == "quadratic_drag"
-    assert any("signals.u_filter" in w for w in found.warnings)
+@pytest.mark.parametrize(
+    ("what", "sensing", "delay_ms", "filter_ms"),
+    [
+        ((), "enc4096", DELAY_MS, 5),
+        (("quadratic_drag",), "speed40k", DELAY_MS, 5),
+        ((), "enc40k", 0, 20),
+    ],
+    ids=["nothing missing", "drag missing", "a filter longer than the delay"],
+)
+def test_a_filter_that_u_was_logged_behind_is_undone_and_no_load_and_no_play(what, sensing, delay_ms, filter_ms):
+    """Presliding friction was missing at 99 %; then nothing could be said; and without a delay u was late."""
+    case = RigCase(what=what, seed=7100, sensing=sensing, duration=10.0)
+    recording, model, observer = given(case, DELAY_MS - delay_ms, partial(behind_a_filter, samples=filter_ms))
+    model = replace(model, delay=1e-3 * delay_ms)
+    found = diagnose([recording], model, observer, Settings(effects=MORE))
+    assert (found.verdict, found.found) == (what[0] if what else "none", what)
+    assert said_of_filter(found) == pytest.approx(1e-3 * filter_ms, rel=0.02)
+    assert found.estimates["delay"].grade == "not"
+    assert not any("later than the motion" in w for w in found.warnings)
+    (lag,) = [c for c in found.ranking if c.effect == "actuator_lag"]
+    assert "filter" in lag.untestable  # of which nothing says that there is none
+
+
+def test_logs_behind_filters_that_differ_stay_as_they_are():
+    case = RigCase(what=(), seed=7100, sensing="speed40k", duration=5.0)
+    (one, model, observer), (other, *_) = given(case, 0, behind_a_filter), given(case)
+    found = diagnose([one, other], model, observer, Settings(effects=FEW))
+    assert found.mended is None
 
 
 TRUTH = (

@@ -253,7 +253,7 @@ def test_a_held_u_that_acted_earlier_is_its_mean_over_what_was_each_interval():
     rng, step, finer = np.random.default_rng(4), 0.01, 100
     u, t = rng.standard_normal(400), step * np.arange(400)
     recording = prepare(Log({"t": t, "u": u, "velocity": np.sin(3.0 * t)}, step), ObserverSettings(0.1, 0.02))
-    (moved,) = earlier(recording, 2.25 * step, "late u").pieces
+    (moved,) = earlier(recording, 2.25 * step).pieces
     held = np.repeat(u, finer)[int(2.25 * finer) :]  # between the samples, too
     means = held[: len(moved) * finer].reshape(-1, finer).mean(axis=1)
     np.testing.assert_allclose(moved["u"], means, atol=1e-12)

@@ -15,7 +15,7 @@ from dsd_cli.identify.search import evidence
 from dsd_cli.identify.search.evidence import preferred
 from dsd_cli.identify.search.long_logs import Task, searched_as_is
 from dsd_cli.identify.search.sets import Search, _apart
-from dsd_cli.identify.verdict import limits
+from dsd_cli.identify.verdict import command_time
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.references import Multisine
 from tests.identify.search_rig import BELIEVED, OBSERVER, SPEED_NOISE, posed, seen
@@ -255,7 +255,7 @@ def test_the_error_of_a_filter_beside_columns_that_are_nearly_one_is_a_number():
     rows = [random.normal(size=200), *x]
     bank = SimpleNamespace(tap_time=1.0, rows=lambda *_, **__: rows)
     search = SimpleNamespace(solver=SimpleNamespace(bank=bank), noise=SimpleNamespace(inflation=1.0))
-    freed = limits._freed(search, (), 0)
+    freed = command_time._freed(search, (), 0)
     assert 0.0 < freed.error < np.inf
 
 

@@ -121,7 +121,7 @@ def _late(beside: Side) -> tuple[float, float] | None:
     ahead = min(_EARLIEST, _OF_STRETCH * longest, _OF_CYCLE * recording.cycle)
     model = replace(problem.model, delay=problem.model.delay + ahead)
     try:
-        search = Search(pose([earlier(recording, ahead, "")], model, Settings(effects=())))
+        search = Search(pose([earlier(recording, ahead)], model, Settings(effects=())))
     except DsdError:
         return None
     terms = beside.fit.terms

@@ -141,14 +141,14 @@ def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = N
 
 #: Samples by which u is late at least: sampled from what is continuous it is early by a half, and the mean of the
 #: interval that ends at its stamp, as many a drive logs it, late by one.
-LATE = 0.75
+LEAST_LATE = 0.75
 #: Share of the squares that a u which is late may leave, on time: a missing force leans like lag, but leaves more.
 _EXPLAINED = 0.5
 
 
 def certainly_late(lead: float, error: float, sample_time: float) -> bool:
     """Whether a u that comes earlier by `lead` +- `error` (s) does so beyond chance, and how it may be sampled."""
-    return lead > max(POLICY.value_deviations * error, LATE * sample_time)
+    return lead > max(POLICY.value_deviations * error, LEAST_LATE * sample_time)
 
 
 def explains_most(left: float, before: float, rows: int) -> bool:

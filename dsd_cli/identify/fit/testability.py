@@ -17,6 +17,7 @@ from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.values import Fitted
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.excerpts import SMOOTHED
 from dsd_cli.identify.recordings.levels import Deviations
 from dsd_cli.identify.recordings.recording import Recording, check_one_rate
 from dsd_cli.identify.results import INERTIA
@@ -105,6 +106,8 @@ def candidates_of(
             reason = "the position is a length, no angle"
         if get_effect(name).listed and len(recordings) > 1:
             reason = "a push belongs to one log; diagnose the logs one by one"
+        if get_effect(name).lateness is not None and any(SMOOTHED in r.taken_off for r in recordings):
+            reason = "it looks just like the filter of u that was undone"
         if reason:
             untestable[name] = reason
         elif name not in model.effects or get_effect(name).repeats is not None:

@@ -9,11 +9,14 @@ import numpy as np
 
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import SHORTEST, Recording
-from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.log import Array, Log, with_channels
+from dsd_cli.signals.low_pass import in_front
 from dsd_cli.signals.runs import runs
 
 #: Cells into which the range of a channel is cut, to see how much of what the axis does a window contains.
 _CELLS = 16
+#: Kinds of `Recording.taken_off`: u was later than what it did; it had passed a low-pass.
+LATE, SMOOTHED = "late u", "smoothed u"
 #: From one window that is tried to the next, as a share of their length.
 _STEP = 0.1
 
@@ -58,7 +61,7 @@ def inside(recording: Recording, low: float, high: float, kind: str) -> Recordin
     return replace(recording, pieces=pieces, taken_off=(*recording.taken_off, kind))
 
 
-def earlier(recording: Recording, seconds: float, kind: str) -> Recording:
+def earlier(recording: Recording, seconds: float) -> Recording:
     """With a u that acted so much earlier than it was logged: of the held one the mean over what was each interval."""
     steps = seconds / recording.sample_time
     whole = int(steps)
@@ -69,7 +72,13 @@ def earlier(recording: Recording, seconds: float, kind: str) -> Recording:
         return replace(rest, channels={**rest.channels, "u": mean})
 
     pieces = tuple(moved(p) for p in recording.pieces if len(p) - whole > SHORTEST)
-    return replace(recording, pieces=pieces, taken_off=(*recording.taken_off, kind))
+    return replace(recording, pieces=pieces, taken_off=(*recording.taken_off, LATE))
+
+
+def unfiltered(recording: Recording, time_constant: float) -> Recording:
+    """With u in front of a low-pass of first order, s, that it was logged behind."""
+    pieces = tuple(with_channels(p, u=in_front(p["t"], p["u"], time_constant)) for p in recording.pieces)
+    return replace(recording, pieces=pieces, taken_off=(*recording.taken_off, SMOOTHED))
 
 
 def _excerpt(recording: Recording, samples: int) -> Recording:

@@ -29,12 +29,13 @@ from dsd_cli.identify.search.levels import Levelled, levelled
 from dsd_cli.identify.search.long_logs import Progress, Task
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.search.shapes import renamed
+from dsd_cli.identify.verdict.command_time import on_time, was_late
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told, freed, told_far_off
 from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrepancy_of, without_imitations
 from dsd_cli.identify.verdict.end_stop import EndStops, end_stops
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.levels import log_levels, with_levels_said
-from dsd_cli.identify.verdict.limits import limits_of, on_time, was_late
+from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.identify.verdict.own_values import own_values
 from dsd_cli.identify.verdict.probability import memberships
 from dsd_cli.identify.verdict.pushes import pushed
@@ -87,7 +88,7 @@ def diagnose(
     report("how sure", 0.8)
     whole, first = strongest_first(search, whole)
     limits = limits_of(search, whole, shown.settings, shown.seen or shown.other)
-    act = partial(on_time, limits, search, whole) if limits.idle is None else limits.idle.taken_off
+    act = partial(on_time, limits.time, model) if limits.idle is None else limits.idle.taken_off
     if (mended := act(apart.plain, holdout)) is not None:
         return _of_mended(mended, again)
     stops, answer = _without_stops(end_stops(search, whole, beyond, apart.plain, holdout), again, on_found)
@@ -241,7 +242,7 @@ def _free(task: Task) -> Levelled:
 def _to_mend(free: Search, whole: Fit, settings: Settings) -> bool:
     """Whether the log itself is to be mended first: a u that is late, smoothed or in part did not act bends values."""
     limits = limits_of(free, whole, replace(settings, known=PriorKnowledge()), None)
-    return bool(limits.blocked or limits.idle is not None or limits.time.late or limits.time.smoothed)
+    return bool(limits.blocked or limits.idle is not None or limits.time.said)
 
 
 def _as_good(told: Search, whole: Fit) -> set[str]:
