@@ -82,12 +82,7 @@ def sides_of(log: Log, restarts: tuple[int, ...], model: PlantModel, observer: O
         own = _own(recordings[0], model)
         beside = _beside(own)
         return Sides(own, beside, _late(beside))
-    except (
-        DsdError,
-        ValueError,
-        ArithmeticError,
-        np.linalg.LinAlgError,
-    ):  # of a corrupt cell (1e300) no square is a number
+    except (DsdError, ValueError, ArithmeticError):  # of a corrupt cell (1e300) no square is a number
         return None
 
 

@@ -15,10 +15,9 @@ import numpy as np
 from dsd_cli.effects import Role
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.search.contact_play import same_play, seen_by_contacts
 from dsd_cli.identify.search.modes import Modes
 from dsd_cli.identify.search.play import LATE, Play
-from dsd_cli.identify.search.seen import COUPLING, PLAY, Seen, is_a_load
+from dsd_cli.identify.search.seen import COUPLING, PLAY, Seen, is_a_load, same_play, seen_by_contacts
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.signals import (
     Signals,
