@@ -121,7 +121,6 @@ def test_a_circle_is_found_however_it_is_imported(back: str) -> None:
 NAMING = {
     "detect/damping/derivative.py": "eq. 6 is about the viscous coefficient: candidates of it are the states",
     "export/targets/mjcf.py": "a stiffness is an attribute of a joint, too",
-    "identify/search/seen.py": "a stiffness is a parameter of play, too",
     "identify/search/play.py": "a stiffness is a parameter of play, too",
     "identify/search/response.py": "a stiffness is a parameter of play, too",
     "identify/search/seen.py": "the response of two masses, without and with play, is that of these two alone",

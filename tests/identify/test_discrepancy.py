@@ -15,7 +15,7 @@ from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.discrepancy import Discrepancy, before_climb, discrepancy_of
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Log
-from tests.identify.search_rig import BELIEVED, OBSERVER, T, posed, seen
+from tests.identify.search_rig import BELIEVED, OBSERVER, SINES, T, posed, seen
 
 
 def disturbed(force, names=(), seed=0, noise=0.002, duration=12.0):
@@ -122,6 +122,16 @@ def test_noise_that_pushes_as_hard_as_u_hides_no_spring():
     found = diagnose([prepare(Log(channels, step, "log.csv"), OBSERVER)], PlantModel(0.01, 0.0, {}), OBSERVER, asked)
     assert found.verdict == "stiffness"
     assert set(found.found) == {"stiffness", "viscous_friction"}
+
+
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_noise_of_u_is_no_function_of_u(seed):
+    """It is a part of u, and a function of u takes some of it: more than what is left has of structure."""
+    piece, rng = seen({}, reference=SINES, noise=2e-4, seed=seed).pieces[0], np.random.default_rng(seed)
+    channels = {name: piece[name] for name in ("t", "velocity", "position")}
+    channels["u"] = piece["u"] + 0.3 * np.std(piece["u"]) * rng.normal(size=len(piece))
+    search = Search(pose([prepare(Log(channels, T, "log.csv"), OBSERVER)], BELIEVED, Settings(effects=())))
+    assert "u" not in discrepancy_of(search, search.refit).on
 
 
 def test_what_a_set_explains_is_counted_from_where_the_climb_began():

@@ -108,12 +108,9 @@ def structured_share(residual: Sequence[Array], band: Band) -> float:
 
 def white_to_the_end(residual: Sequence[Array], band: Band, u: Sequence[Array]) -> bool:
     """Whether these rows (not whitened) are white in the band, as no law of the motion is, and u is as strong above it,
-    up to half the sample rate. A u that is white itself is stronger: what a law of it leaves is white as well. So
-    it must have fallen there, nearer to what is left than to what it is in the band: noise that a slower logger folds
-    down is not flat."""
+    up to half the sample rate. A u that is white itself is stronger: what a law of it leaves is white as well."""
     power, found = _in_band(residual, band), density(u)
-    higher = found.angle > 2.0 * end_of(band) / band.step
-    above, below = found.power[higher], found.power[~higher]
+    above = found.power[found.angle > 2.0 * end_of(band) / band.step]
     if not power.sum() > 0.0 or min(len(power), len(above)) < _PARTS:
         return False
     bends = np.abs(np.concatenate([np.diff(x, 2) for x in u]))
@@ -121,8 +118,7 @@ def white_to_the_end(residual: Sequence[Array], band: Band, u: Sequence[Array]) 
         return False
     inside, beyond = ([part.mean() for part in np.array_split(x, _PARTS)] for x in (band.step * power, above))
     level = float(np.mean(inside))
-    white = max(inside) < POLICY.stands_out * level < POLICY.stands_out**2 * min(*inside, *beyond)
-    return bool(white and max(beyond) ** 2 < level * float(below.mean()))
+    return bool(max(*inside, *beyond) < POLICY.stands_out * level < POLICY.stands_out**2 * min(*inside, *beyond))
 
 
 def _in_band(residual: Sequence[Array], band: Band) -> Array:
