@@ -121,18 +121,19 @@ def test_a_delay_may_be_of_the_only_motion_channel(motion: tuple[str, ...], tmp_
     assert (late in line) is (len(motion) == 1)
 
 
-def test_a_delay_that_friction_makes_is_not_written_and_the_file_says_so(tmp_path: Path) -> None:
-    """Dry friction, and a motion without delay, by plain sums: what a backlash or a friction bends is no delay."""
+def test_a_delay_beside_a_force_that_lacks_is_not_written_and_the_file_says_so(tmp_path: Path) -> None:
+    """Dry friction, and a u that acts 10 ms later, by plain sums: the model that is written has no friction."""
     step, rows = 0.001, 8000
     t = np.arange(rows) * step
     path = np.sin(3.0 * t) + 0.4 * np.sin(7.7 * t + 1.0)
     u, q, v = np.zeros(rows), np.zeros(rows), np.zeros(rows)
     for k in range(rows - 1):
         u[k] = 8.0 * (path[k] - q[k]) - 0.6 * v[k]
+        v[k + 1] = v[k]
         for _ in range(10):
-            v[k + 1] = (v[k] if _ == 0 else v[k + 1]) + step / 10 / 0.02 * (u[k] - 0.5 * np.tanh(v[k] / 0.02))
+            v[k + 1] += step / 10 / 0.02 * (u[max(k - 10, 0)] - 0.5 * np.tanh(v[k + 1] / 0.02))
         q[k + 1] = q[k] + step * 0.5 * (v[k] + v[k + 1])
-    (tmp_path / "a.csv").write_text(csv_text({"t": t, "u": u, "position": np.round(q / 0.006) * 0.006}))
+    (tmp_path / "a.csv").write_text(csv_text({"t": t, "u": u, "position": np.round(q, 4)}))
     said = done("init", "a.csv", cwd=tmp_path).stderr
     assert load_config(tmp_path / "dsd.toml").model.delay == 0.0
     text = (tmp_path / "dsd.toml").read_text("utf-8")

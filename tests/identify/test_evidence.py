@@ -10,7 +10,9 @@ from hypothesis import strategies as st
 
 from dsd_cli.identify.fit.bank import Bank, Term
 from dsd_cli.identify.fit.blocks import spread_over_blocks
+from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict import probability
 from dsd_cli.identify.verdict.belief import belief_by_squares, shared_belief
@@ -21,7 +23,8 @@ from dsd_cli.identify.verdict.probability import (
     probabilities,
 )
 from dsd_cli.plant.references import Multisine
-from tests.identify.search_rig import BELIEVED, SPEED_NOISE, posed
+from dsd_cli.signals.log import Log
+from tests.identify.search_rig import BELIEVED, OBSERVER, T, posed, seen
 
 GAINS = st.lists(st.lists(st.floats(-50.0, 50.0), min_size=6, max_size=6), min_size=1, max_size=5)
 
@@ -201,11 +204,14 @@ def test_an_effect_that_explains_as_much_is_a_rival_where_the_model_misfits():
 
 @pytest.mark.parametrize(("size", "rivals", "surest"), [(0.02, {"constant_load", "stiffness"}, 0.5), (0.5, set(), 1.0)])
 def test_a_weight_over_a_few_degrees_is_no_surer_than_a_load_with_a_spring(size, rivals, surest):
-    """Neither is it alone; together they are, to the sine's curvature."""
+    """Neither is it alone; together they are, to the sine's curvature, which noise of u hides."""
     moves, laws = Multisine((0.7, 1.7, 3.1, 5.3), size, seed=3), ("gravity", "stiffness", "constant_load")
-    search = posed({"gravity": {"amplitude": 0.5, "phase": 0.4}}, laws, reference=moves, noise=5.0 * SPEED_NOISE)
-    whole = search.fit((Term("gravity"),), search.refit.tap)
-    found = membership(search, whole, "gravity", misfit=False)
+    (piece,) = seen({"gravity": {"amplitude": 0.5, "phase": 0.4}}, reference=moves).pieces
+    channels = {name: piece[name] for name in ("t", "velocity", "position")}
+    channels["u"] = piece["u"] + 0.05 * np.random.default_rng(5).normal(size=len(piece))
+    recording = prepare(Log(channels, T, "log.csv"), OBSERVER)
+    search = Search(pose([recording], BELIEVED, Settings(effects=laws)))
+    found = membership(search, search.fit((Term("gravity"),), search.refit.tap), "gravity", misfit=False)
     assert ({*found.rivals}, found.surest) == (rivals, surest)
 
 

@@ -127,9 +127,8 @@ def _late(beside: Side) -> tuple[float, float] | None:
     error = math.inf if math.isnan(delay.std_error) else delay.std_error
     lead = ahead - delay.value
     rows = search.problem.blocks.rows
-    on_time = certainly_late(lead, error, step) and explains_most(
-        moved.left, rows / problem.blocks.rows * beside.left, rows
-    )
+    before = rows / problem.blocks.rows * beside.left
+    on_time = certainly_late(lead, error, step) and explains_most(moved.left, before, rows - len(moved.fit.total))
     return (lead, error) if on_time else None
 
 

@@ -151,8 +151,8 @@ def certainly_late(lead: float, error: float, sample_time: float) -> bool:
     return lead > max(POLICY.value_deviations * error, LEAST_LATE * sample_time)
 
 
-def explains_most(left: float, before: float, rows: int) -> bool:
+def explains_most(left: float, before: float, free: int) -> bool:
     """Whether a u on time surely leaves so little of the squares of one that is late that no missing force leans like
-    that. rows : independent equations, of which a few do where nearly nothing is left."""
-    nats = 0.5 * rows * math.log(max(before, 1e-300) / max(left, 1e-300))
+    that. free : independent equations beyond the values, of which a few do where nearly nothing is left."""
+    nats = 0.5 * free * math.log(max(before, 1e-300) / max(left, 1e-300))
     return left < _EXPLAINED * before and nats > POLICY.response_nats

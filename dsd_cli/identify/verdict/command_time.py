@@ -93,7 +93,8 @@ def command_time(search: Search, whole: Fit, settings: Settings) -> CommandTime:
     if freed.tap > 0 or not _certain(search, freed):
         return _behind_filter(search, whole, settings)
     at_zero = whole.tap == 0 and float(whole.total[SHARE]) == 0.0
-    if not at_zero or not explains_most(freed.left, float(residual @ residual), search.problem.blocks.rows):
+    free = search.problem.blocks.rows - len(whole.total)
+    if not at_zero or not explains_most(freed.left, float(residual @ residual), free):
         return CommandTime()
     step, recordings = search.equations.sample_time, search.problem.recordings
     late = CommandTime(freed.lead, alike=_alike(search, whole.terms, freed))

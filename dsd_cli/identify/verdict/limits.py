@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -98,5 +98,7 @@ def limits_of(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
     # where the log is against a value that was given, u was neither late nor smoothed with none given
     timed = not (settings.against or constant or common < _LEAST_IN_COMMON)
     time = command_time(search, whole, settings) if timed else CommandTime()
+    if seen is not None and time.smoothed:  # a motor leads u by what swings above the band, too
+        time = replace(time, alike=False)
     passed = tuple((r.name, r.lost.hz) for r in recordings if math.isfinite(r.lost.hz))
     return Limits(common, idle, time, direction, constant, passed)
