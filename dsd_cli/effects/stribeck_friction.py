@@ -20,6 +20,7 @@ def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
 
 
 def _starts(ranges: Ranges) -> list[Shape]:
+    """A search goes half as far again, up to a speed at which the bell has just ended within the log (`END`)."""
     return [{"velocity": v} for v in log_spaced(0.01 * ranges.top_speed, 0.24 * ranges.top_speed, 7)]
 
 

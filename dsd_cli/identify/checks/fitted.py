@@ -49,6 +49,11 @@ class Side:
         """With their standard errors."""
         return self.search.problem.values(self.fit)
 
+    @cached_property
+    def by_reference(self) -> ByReference | None:
+        """Its values by instruments."""
+        return leaning_of(self)
+
     @property
     def weightless(self) -> bool:
         """Whether friction and a delay explain u by itself: inertia and delay mean nothing then."""
@@ -78,17 +83,12 @@ def sides_of(log: Log, restarts: tuple[int, ...], model: PlantModel, observer: O
     stands_in = ObserverSettings(model.inertia, 5.0 * log.sample_time)
     try:
         whole = prepare(replace(log, channels=channels), observer or stands_in, restarts, model.rest_speed)
-        recordings = excerpts([whole])
-        own = _own(recordings[0], model)
+        search = Search(pose(excerpts([whole]), model, Settings(effects=())))
+        own = Side(search, search.refit)
         beside = _beside(own)
         return Sides(own, beside, _late(beside))
     except (DsdError, ValueError, ArithmeticError):  # of a corrupt cell (1e300) no square is a number
         return None
-
-
-def _own(recording: Recording, model: PlantModel) -> Side:
-    search = Search(pose([recording], model, Settings(effects=())))
-    return Side(search, search.refit)
 
 
 def _beside(own: Side) -> Side:
@@ -98,7 +98,12 @@ def _beside(own: Side) -> Side:
     more = (t for t in functions_of_motion(names) if t.id not in problem.model.effects)
     terms: Terms = (*own.search.refit.terms, *more)
     tap = best_delay(own.search.solver, terms, problem.most_tap, own.fit.tap, believed=problem.model.delay)
-    search = Search(problem.measured_again(own.search.fit(terms, tap)))
+    return _measured_again(own.search, terms, tap)
+
+
+def _measured_again(search: Search, terms: Terms, tap: int) -> Side:
+    """With the noise as it is beside these effects."""
+    search = Search(search.problem.measured_again(search.fit(terms, tap)))
     return Side(search, search.fit(terms, tap))
 
 
@@ -121,12 +126,11 @@ def _late(beside: Side) -> tuple[float, float] | None:
         return None
     terms = beside.fit.terms
     tap = best_delay(search.solver, terms, search.problem.most_tap, believed=ahead)
-    search = Search(search.problem.measured_again(search.fit(terms, tap)))
-    moved = Side(search, search.fit(terms, tap))
+    moved = _measured_again(search, terms, tap)
     delay = moved.values.estimates[DELAY]
     error = math.inf if math.isnan(delay.std_error) else delay.std_error
     lead = ahead - delay.value
-    rows = search.problem.blocks.rows
+    rows = moved.search.problem.blocks.rows
     before = rows / problem.blocks.rows * beside.left
     on_time = certainly_late(lead, error, step) and explains_most(moved.left, before, rows - len(moved.fit.total))
     return (lead, error) if on_time else None
@@ -160,7 +164,8 @@ def leaning_of(side: Side) -> ByReference | None:
     if not all("reference" in piece for r in problem.recordings for piece in r.pieces):
         return None
     bank, step = problem.solver.bank, problem.equations.sample_time
-    asked = tuple(_asked_for(r, problem.model) for r in problem.recordings)
+    model, logs = problem.model, problem.recordings
+    asked = tuple(replace(r, pieces=tuple(_along_reference(p, model, r) for p in r.pieces)) for r in logs)
     along = equations_of(asked, problem.equations.startup, problem.equations.bands)
     white = Bank(along.with_whitening(*problem.equations.whitening), Bank(along))
     x, z = (np.stack(one.rows(fit.terms, fit.tap, keep=False)) for one in (bank, white))
@@ -201,12 +206,8 @@ def _solved(x: Array, hat: Array, side: Side) -> tuple[Array, Array, Information
     return theta, scores @ np.linalg.pinv(normal), Information(normal, sums.held_out[:, 1:, 1:], scores, ())
 
 
-def _asked_for(recording: Recording, model: PlantModel) -> Recording:
-    """With the motion along the reference, as late as the axis follows, and the u that the model needs for it."""
-    return replace(recording, pieces=tuple(_along_reference(p, model, recording) for p in recording.pieces))
-
-
 def _along_reference(piece: Log, model: PlantModel, recording: Recording) -> Log:
+    """With the motion along the reference, as late as the axis follows, and the u that the model needs for it."""
     wanted, step, n = piece["reference"], piece.sample_time, len(piece)
     lag = lag_of(wanted, piece["position"], min(n // 4, round(_FOLLOWS / step))) if "position" in piece else 0
     position = np.concatenate([np.full(lag, wanted[0]), wanted[: n - lag]])

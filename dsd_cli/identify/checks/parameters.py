@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import cast
 
 from dsd_cli.effects import get_effect
-from dsd_cli.identify.checks.fitted import Sides, leaning_of
+from dsd_cli.identify.checks.fitted import Sides
 from dsd_cli.identify.checks.results import Parameter
 from dsd_cli.identify.fit.estimates import Grade, grade
 from dsd_cli.identify.fit.values import Fitted
@@ -32,9 +32,9 @@ def parameters_of(sides: Sides, model: PlantModel | None) -> tuple[Parameter, ..
         return unknown_parameters(None)
     lacks_force = 2.0 * sides.beside.left < sides.own.left  # noise that comes back is left beside any force
     asked = [sides.beside if model is None else sides.own, sides.beside]
-    by_reference = leaning_of(asked[lacks_force])
-    leaning = {} if by_reference is None else by_reference.leaning
-    alone, beside = ((leaning_of(one) or one).values if leaning else one.values for one in asked)
+    judged = asked[lacks_force].by_reference
+    leaning = {} if judged is None else judged.leaning
+    alone, beside = ((one.by_reference or one).values if leaning else one.values for one in asked)
     names = (INERTIA, DELAY) if model is None else tuple(alone.estimates)
     return tuple(
         replace(one, leaning=leaning.get(one.name), tied_to=tuple(name for name in one.tied_to if name in names))

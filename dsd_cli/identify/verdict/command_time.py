@@ -89,9 +89,10 @@ def command_time(search: Search, whole: Fit, settings: Settings) -> CommandTime:
     much of what all that was found leaves."""
     if len(search.taps) < 2:
         return CommandTime()
-    freed, residual = _best_freed(search, whole.terms, whole.tap), residual_of_u(whole, search.solver.bank)
+    freed = _best_freed(search, whole.terms, whole.tap)
     if freed.tap > 0 or not _certain(search, freed):
-        return _behind_filter(search, whole, settings)
+        return _behind_filter(search, whole, freed, settings)
+    residual = residual_of_u(whole, search.solver.bank)
     at_zero = whole.tap == 0 and float(whole.total[SHARE]) == 0.0
     free = search.problem.blocks.rows - len(whole.total)
     if not at_zero or not explains_most(freed.left, float(residual @ residual), free):
@@ -102,14 +103,15 @@ def command_time(search: Search, whole: Fit, settings: Settings) -> CommandTime:
         return late
     moved = [earlier(r, math.ceil(freed.lead / step) * step) for r in recordings]
     there = posed(moved, search.problem.model, settings, 0.0)
-    behind = _behind_filter(there, there.refined(there.fit(whole.terms, there.refit.tap)), settings)
+    fit = there.refined(there.fit(whole.terms, there.refit.tap))
+    behind = _behind_filter(there, fit, _best_freed(there, fit.terms, fit.tap), settings)
     return behind if behind.smoothed else late
 
 
-def _behind_filter(search: Search, whole: Fit, settings: Settings) -> CommandTime:
-    """Smoothed, if a filter explains much of what all that was found leaves, alike in all bands."""
-    added = search.added(whole.terms)
-    freed, residual = _best_freed(search, whole.terms, whole.tap), residual_of_u(whole, search.solver.bank)
+def _behind_filter(search: Search, whole: Fit, freed: _Freed, settings: Settings) -> CommandTime:
+    """Smoothed, if a filter explains much of what all that was found leaves, alike in all bands. freed : that set with
+    the u that is earliest."""
+    added, residual = search.added(whole.terms), residual_of_u(whole, search.solver.bank)
     if (
         freed.tap == 0
         or not _certain(search, freed)

@@ -87,7 +87,7 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
     noise = plain * math.sqrt(1.0 - share)
     groups = sorted((fits.fit_with(group) for group in fits.groups() if asked(group)), key=lambda f: -f.gain)
     # noise of u is in u, and a function of u explains some of it: more than what is left has of structure
-    best = next((f for f in groups if not (_of_u(f) and fits.left_of(plain, f.on) < noise)), None)
+    best = next((f for f in groups if {"u", GAIN}.isdisjoint(f.on) or fits.left_of(plain, f.on) >= noise), None)
     if best is None:
         return Discrepancy((), plain, False, noise, plain)
     reached = fits.left_of(plain, best.on)
@@ -98,10 +98,6 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
     on = best.on if reached < plain else ()
     unknown = (certain and large) or structured
     return Discrepancy(on, min(reached, plain), unknown, noise, plain)
-
-
-def _of_u(function: Freeform) -> bool:
-    return not {"u", GAIN}.isdisjoint(function.on)
 
 
 def above_floor(search: Search, fit: Fit) -> bool:

@@ -121,8 +121,8 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     afloat = _of_position(effect_id) and search.problem.reconstructed("position")
     at_place = [o for o in options if afloat and _of_position(o.effect)]
     instead = in_plain_laws(search, whole, member)  # over a small travel a weight is a load and a spring
-    tied = instead is not None and rivals(Option(effect_id, instead, search.evidence(instead)))
-    together = instead.terms[len(rest.terms) :] if instead is not None and tied else ()
+    tied = instead if instead and rivals(Option(effect_id, instead, search.evidence(instead))) else rest
+    together = tied.terms[len(rest.terms) :]
     one_by_one = (o.effect for o in (*as_well, *filter(rivals, options), *at_place))
     found = dict.fromkeys((*one_by_one, *(t.id for t in together)))
     estimates = search.values(whole).estimates
