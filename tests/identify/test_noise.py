@@ -214,8 +214,11 @@ def test_what_is_white_in_the_band_is_of_u_where_u_has_it_above_the_band_too():
     white, coloured = BAND.rows(noise, 0), BAND.rows(slow, 0)
     assert white_to_the_end([white], BAND, [motion + noise])
     assert white_to_the_end([white[:4000], white[4000:]], BAND, [motion + noise])
+    folded = noise - np.convolve(rng.normal(size=SAMPLES), [0.5, -0.5], "same")  # twice as loud at the end
+    assert white_to_the_end([white], BAND, [motion + folded])
     assert not white_to_the_end([white], BAND, [motion + 0.3 * noise])  # it is not u that has it
     assert not white_to_the_end([0.4 * white], BAND, [noise])  # a law of a u that is white itself leaves what is white
+    assert not white_to_the_end([0.4 * white], BAND, [0.02 * motion + noise])
     assert not white_to_the_end([coloured], BAND, [motion + noise])
     assert not white_to_the_end([np.diff(white)], BAND, [motion + noise])  # a sensor's rises
     assert not white_to_the_end([white[:200]], BAND, [motion + noise])  # too few rows for a spectrum

@@ -75,9 +75,8 @@ class Errors:
         return mixed(rows, fit.forward_folds[self.blocks.fold], self.blocks.starts[::3]) * self._keep
 
     @once
-    def noise_of_u(self, fit: Fit) -> bool:
-        """Whether what is left is white in the band, and as strong in u above it: a duty, or a current without filter.
-        In the motion by u it would bend all values, and pass for a lag, or a gain of u that varies."""
+    def white(self, fit: Fit) -> bool:
+        """Whether what is left is white in the band, and nearly as strong in u above it."""
         left, bands = self.equations.by_recording(self.residual(fit, held_out=False)), self.equations.bands
         u = ([s.log["u"] for s in self.equations.stretches if s.owner == i] for i in range(len(bands)))
         return all(map(white_to_the_end, left, bands, u))

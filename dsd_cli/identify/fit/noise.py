@@ -107,10 +107,12 @@ def structured_share(residual: Sequence[Array], band: Band) -> float:
 
 
 def white_to_the_end(residual: Sequence[Array], band: Band, u: Sequence[Array]) -> bool:
-    """Whether these rows (not whitened) are white in the band, as no law of the motion is, and u is as strong above it,
-    up to half the sample rate. A u that is white itself is stronger: what a law of it leaves is white as well."""
+    """Whether these rows (not whitened) are white in the band, as no law of the motion is, and u is nearly as strong
+    above it, up to half the sample rate: nearer to what is left than to what it is in the band, for noise that a slower
+    logger folds down is not flat. A u that is white itself is stronger: what a law of it leaves is white as well."""
     power, found = _in_band(residual, band), density(u)
-    above = found.power[found.angle > 2.0 * end_of(band) / band.step]
+    higher = found.angle > 2.0 * end_of(band) / band.step
+    above, below = found.power[higher], found.power[~higher]
     if not power.sum() > 0.0 or min(len(power), len(above)) < _PARTS:
         return False
     bends = np.abs(np.concatenate([np.diff(x, 2) for x in u]))
@@ -118,7 +120,8 @@ def white_to_the_end(residual: Sequence[Array], band: Band, u: Sequence[Array]) 
         return False
     inside, beyond = ([part.mean() for part in np.array_split(x, _PARTS)] for x in (band.step * power, above))
     level = float(np.mean(inside))
-    return bool(max(*inside, *beyond) < POLICY.stands_out * level < POLICY.stands_out**2 * min(*inside, *beyond))
+    white = max(inside) < POLICY.stands_out * level < POLICY.stands_out**2 * min(*inside, *beyond)
+    return bool(white and max(beyond) ** 2 < level * float(below.mean()))
 
 
 def _in_band(residual: Sequence[Array], band: Band) -> Array:

@@ -165,13 +165,13 @@ def _either_way(task: Task) -> Levelled:
     drifts = search.problem.reconstructed("velocity")
     tells = not drifts and tells_by_motion(search.problem.errors.bank, whole.tap, search.solver.inertia)
     errors = search.problem.errors
-    if search.solver.inverse or not tells or not (above_floor(search, whole) or errors.noise_of_u(whole)):
+    if search.solver.inverse or not tells or not (above_floor(search, whole) or search.problem.noise_of_u(whole)):
         return found
     there = levelled(replace(task, settings=replace(task.settings, inverse=True)))
     errors_there = there.search.problem.errors
     share = errors.rmse(whole) / errors.moving(search.solver.inertia)
     less = errors_there.rmse(there.whole) < POLICY.other_way * share * errors_there.force
-    less = less or errors_there.noise_of_u(there.whole)
+    less = less or there.search.problem.noise_of_u(there.whole)
     return there if less else found
 
 

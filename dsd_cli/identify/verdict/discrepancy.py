@@ -112,7 +112,7 @@ def surely_left(search: Search, fit: Fit) -> float:
     """rms, unit of u, of all rows or of those where the direction is sure, if that is less: turns leave more. What is
     noise of u counts as the sensor's."""
     left = min(search.problem.errors.rmse(fit), left_elsewhere(search, fit))
-    return min(left, search.problem.floor) if search.problem.errors.noise_of_u(fit) else left
+    return min(left, search.problem.floor) if search.problem.noise_of_u(fit) else left
 
 
 def beyond_noise(search: Search, fit: Fit, times: float = 1.0) -> float:
@@ -149,10 +149,11 @@ def borne_out(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Dis
 def said_of_left(search: Search, fit: Fit) -> tuple[str, ...]:
     """A warning where most of what is left is left at stops, or is noise of u."""
     left, elsewhere, errors = search.problem.errors.rmse(fit), left_elsewhere(search, fit), search.problem.errors
-    if errors.noise_of_u(fit):
+    if search.problem.noise_of_u(fit):
         return (
             f"the error that the fit leaves, {left:.3g}, {100.0 * left / errors.force:.2g} % of u, is white, and u has"
-            " as much above the band: it counts as noise of u. Is that a duty, or a current without a filter?",
+            " as much above the band: it counts as noise of u. Is that a duty, a current without a filter,"
+            " or a loop faster than the log?",
         )
     if not only_at_stops(search, fit):
         return ()

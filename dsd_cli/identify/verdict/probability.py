@@ -227,7 +227,7 @@ def nothing_missing(search: Search, options: Sequence[Option]) -> float:
     prior, untestable = math.exp(-POLICY.effect_price), search.problem.untestable.values()
     untested = sum(1.0 if why == LOOKS_THE_SAME else prior for why in untestable)
     rmse, noise = search.problem.errors.rmse(search.refit), POLICY.floor_factor * search.problem.floor
-    of_u = search.problem.errors.noise_of_u(search.refit)
+    of_u = search.problem.noise_of_u(search.refit)
     left = 0.0 if of_u else _force(search, math.sqrt(max(rmse**2 - noise**2, 0.0)))
     likely = 0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING]
     return likely * (1.0 - POLICY.even * left) / (1.0 + untested)
