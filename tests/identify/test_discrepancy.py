@@ -12,10 +12,10 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import diagnose
-from dsd_cli.identify.verdict.discrepancy import Discrepancy, before_climb, discrepancy_of
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, before_climb, discrepancy_of, left_elsewhere
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Log
-from tests.identify.search_rig import BELIEVED, OBSERVER, SINES, T, posed, seen
+from tests.identify.search_rig import BELIEVED, MOVES, OBSERVER, SINES, T, posed, seen
 
 
 def disturbed(force, names=(), seed=0, noise=0.002, duration=12.0):
@@ -93,6 +93,12 @@ def test_the_effect_itself_leaves_nothing_beyond():
     assert discrepancy_of(search, search.refit).unknown
     whole = search.fit((Term("gravity"),), search.refit.tap)
     assert not discrepancy_of(search, whole).unknown
+
+
+def test_a_model_without_friction_leaves_all_of_it_at_a_steady_speed():
+    """Of the acceleration, of which there is none, it leaves nothing: of u it leaves the level."""
+    search = posed({"coulomb_friction": {"level": 0.5}}, (), reference=MOVES)
+    assert left_elsewhere(search, search.refit) == pytest.approx(0.5, rel=0.1)
 
 
 def test_an_excerpt_answers_for_motion_and_all_rows_for_time():
