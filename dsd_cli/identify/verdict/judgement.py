@@ -107,8 +107,7 @@ class Verdict:
         known = self._share_of_possible(rmse(begun), rmse(self.whole))
         named = min(group, key=lambda name: get_effect(name).rarity)
         doubtful = self.beyond.of_channels(best) or needs_acceleration(named)
-        belief = max(member.probabilities.get(named, 0.0), member.place / (1 + len(member.rivals)))
-        belief = probability_of(member, belief, self.surest)
+        belief = probability_of(member, member.drawn(named), self.surest)
         more = unexplained_of(self.search, self.named_part, self.beyond).probability
         first, before = begun is self.search.refit, math.exp(-POLICY.effect_price)  # a set that is taken is taken whole
         if member.imitates or (doubtful and known < POLICY.share_of_possible) or (first and belief < min(more, before)):

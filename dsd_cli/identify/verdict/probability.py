@@ -55,11 +55,15 @@ class Membership:
         """Belief that it, or one of its rivals, is there."""
         return sum(self.probabilities.get(name, 0.0) for name in (self.effect, *self.rivals))
 
+    def drawn(self, name: str) -> float:
+        """Belief in an effect, or in what it has in a draw among it and its rivals, if that is more. What explains a
+        log alike is the likelier the more often it is met: by its rank, as words are (Zipf's law)."""
+        often = {one: 1.0 / (1 + get_effect(one).rarity) for one in (self.effect, *self.rivals)}
+        return max(self.probabilities.get(name, 0.0), self.place * often.get(name, 0.0) / sum(often.values()))
+
     def belief(self, name: str) -> float:
         """In the effect at least what it has in a draw among its rivals; in one of these no more than that leaves."""
-        likely = self.probabilities.get(name, 0.0)
-        even = self.place / (1 + len(self.rivals))
-        own = max(self.probabilities.get(self.effect, 0.0), even)
+        likely, own = self.probabilities.get(name, 0.0), self.drawn(self.effect)
         return own if name == self.effect else min(likely, self.place - own) if name in self.rivals else likely
 
 
