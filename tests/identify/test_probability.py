@@ -283,17 +283,32 @@ def test_a_shape_that_was_searched_is_a_choice_like_another_effect(monkeypatch: 
 
 @given(
     st.lists(st.floats(0.0, 1.0), min_size=4, max_size=4).filter(lambda x: sum(x) > 0.0),
-    st.sets(st.sampled_from(["b", "c"])),
+    st.sets(st.sampled_from(["viscous_friction", "constant_load"])),
 )
 def test_belief_in_a_place_is_shared_by_what_ties_there(shares: list[float], rivals: set[str]) -> None:
-    """The simpler effect is found where a rival explains more, but by nothing of use: as likely as in a draw."""
-    names = ["a", "b", "c", "d"]
+    """The effect is found where a rival explains more, but by nothing of use: as likely as in a draw."""
+    names = ["coulomb_friction", "viscous_friction", "constant_load", "cogging"]
     likely = {name: x / sum(shares) for name, x in zip(names, shares, strict=True)}
-    member = Membership("a", likely, tuple(sorted(rivals)))
+    member = Membership(names[0], likely, tuple(sorted(rivals)))
     beliefs = {name: member.belief(name) for name in names}
-    assert beliefs["a"] >= max(likely["a"], member.place / (1 + len(rivals)) - 1e-12)
-    assert all(beliefs["a"] + beliefs[rival] <= member.place + 1e-12 for rival in rivals)
-    assert beliefs["d"] == likely["d"]
+    assert beliefs[names[0]] >= max(likely[names[0]], member.place / (1 + len(rivals)) - 1e-12)
+    assert all(beliefs[names[0]] + beliefs[rival] <= member.place + 1e-12 for rival in rivals)
+    assert beliefs["cogging"] == likely["cogging"]
+
+
+@pytest.mark.parametrize(
+    ("effect", "rivals", "wanted"),
+    [
+        ("coulomb_friction", ("constant_load",), 3 / 4),
+        ("coulomb_friction", ("constant_load", "viscous_friction"), 6 / 11),
+        ("constant_load", ("coulomb_friction",), 1 / 2),  # no less than it has by itself
+        ("saturation", ("dead_zone",), 1 / 2),
+    ],
+)
+def test_in_a_draw_an_effect_counts_by_its_rank(effect, rivals, wanted):
+    """Zipf: Coulomb friction is met first, viscous friction half as often, a constant load a third; the rest alike."""
+    member = Membership(effect, dict.fromkeys((effect, *rivals), 1.0 / (1 + len(rivals))), rivals)
+    assert member.belief(effect) == pytest.approx(wanted)
 
 
 @pytest.mark.parametrize(
