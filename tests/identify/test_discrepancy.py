@@ -95,10 +95,11 @@ def test_the_effect_itself_leaves_nothing_beyond():
     assert not discrepancy_of(search, whole).unknown
 
 
-def test_a_model_without_friction_leaves_all_of_it_at_a_steady_speed():
+@pytest.mark.parametrize("level", [0.5, 2.0])
+def test_a_model_without_friction_leaves_all_of_it_at_a_steady_speed(level):
     """Of the acceleration, of which there is none, it leaves nothing: of u it leaves the level."""
-    search = posed({"coulomb_friction": {"level": 0.5}}, (), reference=MOVES)
-    assert left_elsewhere(search, search.refit) == pytest.approx(0.5, rel=0.1)
+    search = posed({"coulomb_friction": {"level": level}}, (), reference=MOVES)
+    assert left_elsewhere(search, search.refit) > 0.95 * level
 
 
 def test_an_excerpt_answers_for_motion_and_all_rows_for_time():

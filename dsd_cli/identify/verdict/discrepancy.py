@@ -14,7 +14,7 @@ from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import GAIN, Freeform
 from dsd_cli.identify.fit.noise import structured_share
-from dsd_cli.identify.fit.row_weights import many_sure, residual_of_u, surely_less
+from dsd_cli.identify.fit.row_weights import many_sure, surely_less
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
@@ -166,14 +166,13 @@ def said_of_left(search: Search, fit: Fit) -> tuple[str, ...]:
 def left_elsewhere(search: Search, fit: Fit) -> float:
     """rms of what is left where the direction of the motion is sure, unit of u; inf where few rows are so, or all.
 
-    Of the motion by u or of u by the motion, whichever is more: at a steady speed a model without friction leaves
-    nothing of the acceleration, and all of u.
+    Of the acceleration, over the gain with which u makes it: where friction is most of u hardly any of it is explained,
+    and at a steady speed, where there is none, a model without friction leaves nothing of it, and all of u.
     """
-    sure = many_sure(search.equations, nearly=True)
-    if sure is None or sure.all():
+    sure, gain = many_sure(search.equations, nearly=True), abs(float(fit.forward[0]))
+    if sure is None or sure.all() or gain == 0.0:
         return math.inf
-    forms = (search.problem.errors.residual(fit, held_out=False), residual_of_u(fit, search.problem.errors.bank))
-    return math.sqrt(max(float(np.mean(left[sure] ** 2)) for left in forms))
+    return float(np.sqrt(np.mean(search.problem.errors.residual(fit, held_out=False)[sure] ** 2))) / gain
 
 
 class _Law(NamedTuple):
