@@ -15,6 +15,7 @@ from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import INERTIA, Score, Step, StepKind
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.discrepancy import noise_of_u
 from dsd_cli.learn.choose import OF_SENSOR, Choice, choose, left_of, sensed, surely_left
 from dsd_cli.learn.curves import curves_of, effects_of, gain, views_of, with_scale_in
 from dsd_cli.learn.forgetting import UNKNOWN, forgetting, is_hysteresis
@@ -195,8 +196,8 @@ def _tie(chosen: Choice, other: LawFit) -> Tie:
 
 def _notes(problem: Problem, heldout: float, springs: bool) -> tuple[str, ...]:
     """springs : whether the law has some that slip."""
-    notes = []
-    if heldout > problem.least_missing and not problem.noise_of_u(Search(problem).refit):
+    notes, search = [], Search(problem)
+    if heldout > problem.least_missing and not noise_of_u(search, search.refit):
         share = 100.0 * heldout / max(problem.errors.force, 1e-300)
         notes.append(f"{share:.1f} % of u stays unexplained beside the law, more than the sensor leaves")
     if springs and (known := problem.errors.equations.counting) < 1.0:
@@ -222,7 +223,7 @@ def _nothing(chosen: Choice, scores: Scores) -> Learnt:
     share = f"{100.0 * left / max(problem.errors.force, 1e-300):.3g} % of u"
     if not chosen.refused:
         verdict, why = NOT_OF_MOTION, "what is left is a force over time, not over the motion"
-    elif problem.noise_of_u(scores.search.refit):
+    elif noise_of_u(scores.search, scores.search.refit):
         why = f"what is left, {share}, is white, and u has as much above the band: noise of u"
     elif left > least and not chosen.undecided:
         verdict, why = NOT_OF_MOTION, f"{share} is left on blocks that no fit saw: {why}"

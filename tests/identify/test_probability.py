@@ -201,9 +201,8 @@ def test_a_doubtful_answer_is_not_asked_again_on_parts():
 
 def left_in(rmse: float, untestable: dict[str, str] | None = None, floor: float = 0.001):
     """A search of which such an rms is left, of u, and none of whose effects takes anything off."""
-    errors = SimpleNamespace(force=1.0, rmse=lambda _fit: rmse)
-    known = {"errors": errors, "floor": floor, "noise_of_u": lambda _fit: False}
-    problem = SimpleNamespace(**known, untestable=untestable or {})
+    errors = SimpleNamespace(force=1.0, rmse=lambda _fit: rmse, white=lambda _fit: False)
+    problem = SimpleNamespace(errors=errors, floor=floor, untestable=untestable or {})
     return SimpleNamespace(problem=problem, refit=None, practical=lambda _before, _after: False)
 
 

@@ -88,12 +88,6 @@ class Problem:
         """rms of r from which on something is missing, if unknown; unit of u."""
         return math.hypot(POLICY.floor_factor * self.floor, POLICY.floor_excess * self.errors.force)
 
-    def noise_of_u(self, fit: Fit) -> bool:
-        """Whether what is left is noise of u: white to the end, and more than the sensor's. A duty is, or a current
-        without filter, or a drive's that a slower logger folds down. In the motion by u it would bend all values, and
-        pass for a lag, or a gain of u that varies."""
-        return self.errors.rmse(fit) > POLICY.floor_factor * self.floor and self.errors.white(fit)
-
     def reconstructed(self, channel: str) -> bool:
         """Whether that channel of any recording is put together from u and d_hat, so that it drifts."""
         return _drifts(self.recordings, channel)

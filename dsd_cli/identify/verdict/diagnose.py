@@ -31,7 +31,7 @@ from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.search.shapes import renamed
 from dsd_cli.identify.verdict.command_time import on_time, was_late
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told, freed, told_far_off
-from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrepancy_of, without_imitations
+from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrepancy_of, noise_of_u, without_imitations
 from dsd_cli.identify.verdict.end_stop import EndStops, end_stops
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.levels import log_levels, with_levels_said
@@ -165,14 +165,13 @@ def _either_way(task: Task) -> Levelled:
     drifts = search.problem.reconstructed("velocity")
     tells = not drifts and tells_by_motion(search.problem.errors.bank, whole.tap, search.solver.inertia)
     errors = search.problem.errors
-    if search.solver.inverse or not tells or not (above_floor(search, whole) or search.problem.noise_of_u(whole)):
+    if search.solver.inverse or not tells or not (above_floor(search, whole) or noise_of_u(search, whole)):
         return found
     there = levelled(replace(task, settings=replace(task.settings, inverse=True)))
     errors_there = there.search.problem.errors
     share = errors.rmse(whole) / errors.moving(search.solver.inertia)
     less = errors_there.rmse(there.whole) < POLICY.other_way * share * errors_there.force
-    less = less or there.search.problem.noise_of_u(there.whole)
-    return there if less else found
+    return there if less or noise_of_u(there.search, there.whole) else found
 
 
 def strongest_first(search: Search, whole: Fit) -> tuple[Fit, list[Option]]:

@@ -112,7 +112,14 @@ def surely_left(search: Search, fit: Fit) -> float:
     """rms, unit of u, of all rows or of those where the direction is sure, if that is less: turns leave more. What is
     noise of u counts as the sensor's."""
     left = min(search.problem.errors.rmse(fit), left_elsewhere(search, fit))
-    return min(left, search.problem.floor) if search.problem.noise_of_u(fit) else left
+    return min(left, search.problem.floor) if noise_of_u(search, fit) else left
+
+
+def noise_of_u(search: Search, fit: Fit) -> bool:
+    """Whether what is left is noise of u: white to the end, and more than the sensor's. A duty is, a current without
+    filter, or that of a drive whose log folds it down. In the motion by u it bends all values, and passes for a lag."""
+    more = search.problem.errors.rmse(fit) > POLICY.floor_factor * search.problem.floor
+    return more and search.problem.errors.white(fit)
 
 
 def beyond_noise(search: Search, fit: Fit, times: float = 1.0) -> float:
@@ -149,7 +156,7 @@ def borne_out(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Dis
 def said_of_left(search: Search, fit: Fit) -> tuple[str, ...]:
     """A warning where most of what is left is left at stops, or is noise of u."""
     left, elsewhere, errors = search.problem.errors.rmse(fit), left_elsewhere(search, fit), search.problem.errors
-    if search.problem.noise_of_u(fit):
+    if noise_of_u(search, fit):
         return (
             f"the error that the fit leaves, {left:.3g}, {100.0 * left / errors.force:.2g} % of u, is white, and u has"
             " as much above the band: it counts as noise of u. Is that a duty, a current without a filter,"

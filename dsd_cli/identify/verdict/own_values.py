@@ -15,6 +15,7 @@ from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
 from dsd_cli.identify.search.seen import Seen, is_a_load
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import refined
+from dsd_cli.identify.verdict.discrepancy import noise_of_u
 from dsd_cli.identify.verdict.resonance import Resonance, note_on
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.golden import golden_section
@@ -83,7 +84,7 @@ def _fitted_values(search: Search) -> ParameterCheck:
     free = [name for name in (INERTIA, DELAY) if not values[name].held]
     alone = (_alone(search, believed, name, given, values[name]) for name in free)
     candidates = tuple(sorted(alone, key=lambda c: c.rmse_after))
-    between = search.solver.bank.tap_time if problem.noise_of_u(refit) else 0.0
+    between = search.solver.bank.tap_time if noise_of_u(search, refit) else 0.0
     sure = max(_deviations(believed, values, between), key=lambda pair: pair[1], default=("", 0.0))
     if not problem.falls(given.heldout_rmse, refitted.heldout_rmse, refit) or sure[1] < POLICY.value_deviations:
         return ParameterCheck(score, refitted, candidates, "", 0.0, said)

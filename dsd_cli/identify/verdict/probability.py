@@ -23,7 +23,7 @@ from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.search.evidence import in_plain_laws
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.belief import PLACE, UnnamedLaws, shared_belief
-from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise, force_beyond
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise, force_beyond, noise_of_u
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.pushes import pushes_leave_more
 
@@ -231,7 +231,7 @@ def nothing_missing(search: Search, options: Sequence[Option]) -> float:
     prior, untestable = math.exp(-POLICY.effect_price), search.problem.untestable.values()
     untested = sum(1.0 if why == LOOKS_THE_SAME else prior for why in untestable)
     rmse, noise = search.problem.errors.rmse(search.refit), POLICY.floor_factor * search.problem.floor
-    of_u = search.problem.noise_of_u(search.refit)
+    of_u = noise_of_u(search, search.refit)
     left = 0.0 if of_u else _force(search, math.sqrt(max(rmse**2 - noise**2, 0.0)))
     likely = 0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING]
     return likely * (1.0 - POLICY.even * left) / (1.0 + untested)
