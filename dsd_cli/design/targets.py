@@ -153,9 +153,10 @@ class _Explanations:
         if not unknown and (len(self.found) == 1 or (not self.found and diagnosis.verdict != NONE)):
             member = self.found[0] if self.found else ""  # a value of the model is wrong, or an effect is there
             near = sorted((c for c in ranking.values() if c.effect not in self.found), key=lambda c: -c.probability)
-            reach = [c.effect for c in near[:2] if c.probability > _WITHIN_REACH and self._may_be(c.effect)]
-            pairs += [(whole, self.instead(member, effect)) for effect in reach]
-            pairs.append((whole, NONE))
+            own = (c for c in ranking.values() if not member and c.effect == diagnosis.verdict)
+            reach = [rival for c in own for rival in c.indistinguishable_from]
+            reach += [c.effect for c in near[:2] if c.probability > _WITHIN_REACH]
+            pairs += [*((whole, self.instead(member, x)) for x in reach if self._may_be(x)), (whole, NONE)]
         return [p for p in dict.fromkeys(pairs) if p[0] != p[1]]
 
     def asked_for(self, wanted: Sequence[str]) -> list[tuple[str, str]]:
@@ -206,8 +207,7 @@ class _Explanations:
         return self.search.fit(tuple(t for t in self.whole.terms if t.id != member), self.whole.tap)
 
     def _added(self, name: str) -> str:
-        options = [o.fit for o in self.search.options(self.whole) if o.effect == name]
-        return self._keep(options[0] if options else self.whole)
+        return self._keep(next((o.fit for o in self.search.options(self.whole) if o.effect == name), self.whole))
 
     def _best_alone(self, most: int, nearest: str) -> list[tuple[str, str]]:
         options = [o for o in self.search.options(self.search.refit) if self._may_be(o.effect) and self._credible(o)]

@@ -869,6 +869,18 @@ def test_a_force_that_no_explanation_has_is_no_evidence_between_them() -> None:
     assert measure.now[0, 1] < expected == pytest.approx(by_the_search(*takes_of(friction, 2)), rel=0.1)
 
 
+def test_a_value_of_the_model_that_is_tied_to_a_force_is_asked_for_against_it(tied: Asked) -> None:
+    """No effect was found: another weight than the model has, or a spring beside it."""
+    first = tied.diagnosis.ranking[0]
+    own = replace(first, effect="gravity", probability=0.5, indistinguishable_from=("stiffness",), untestable="")
+    said = replace(
+        tied.diagnosis, verdict="gravity", probability=0.5, found=(), ranking=(own,), unexplained=Unexplained(0.0, 0.01)
+    )
+    targets = targets_of(tied.search, tied.search.refit, said)
+    names = [e.name for e in targets.explanations]
+    assert {NONE, "stiffness"} in [{names[a], names[b]} for a, b in targets.pairs]
+
+
 def test_a_diagnosis_that_says_nothing_of_what_is_left_doubts_all_of_it(tied: Asked) -> None:
     silent = replace(tied.diagnosis, unexplained=Unexplained())
     assert targets_of(tied.search, tied.whole, silent, ("constant_load", "gravity")).doubt == 1.0
