@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.effects import Role
+from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.modes import Modes
@@ -36,6 +37,8 @@ from dsd_cli.signals.log import Array
 
 #: Rounds in which the delay is moved, samples that it moves at most, and less than which it stays.
 _ROUNDS, _MOST_MOVED, _NEAR = 5, 3.0, 0.3
+#: What a response is asked beside, found or not: a play that nobody knows of hides friction, and friction hides a play.
+_IN_ANY_AXIS = ("coulomb_friction", "viscous_friction")
 
 
 @dataclass(frozen=True)
@@ -153,7 +156,8 @@ def _swinging(search: Search, whole: Fit) -> _Look | None:
     found = (t for t in whole.terms if t not in search.base)
     late = {t for t in found if t.effect.role is Role.STRUCTURE or t.effect.lateness is not None}
     terms = tuple(t for t in whole.terms if t.id not in shown and t not in late)
-    fit = part.fit(terms, whole.tap if terms == whole.terms else search.refit.tap)
+    friction = (Term(name) for name in _IN_ANY_AXIS if name in search.allowed and name not in {t.id for t in terms})
+    fit = part.fit((*terms, *friction), whole.tap if terms == whole.terms else search.refit.tap)
     delay, step = delay_of(part, fit), search.equations.sample_time
     lowest, highest = POLICY.response_lowest_share * search.equations.band.hz, POLICY.response_highest_share / step
     signals = signals_of(part, fit, delay)
