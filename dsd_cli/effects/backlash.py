@@ -29,7 +29,7 @@ def _coupling(shape: Shape) -> Coupling:
 def _starts(ranges: Ranges) -> list[Shape]:
     if not (ranges.duration > 0.0 and ranges.sample_time > 0.0):
         return []
-    gaps = log_spaced(1e-4 * ranges.travel, 0.2 * ranges.travel, 20)
+    gaps = log_spaced(1e-4 * ranges.travel, 0.2 * ranges.travel, 6)
     highest = min(0.1 / ranges.sample_time, HIGHEST * ranges.band_hz)
     frequencies = log_spaced(min(max(5.0 / ranges.duration, 2.0), highest), highest, 3)
     return [{"gap": gap, "frequency": f} for gap, f in product(gaps, frequencies)]

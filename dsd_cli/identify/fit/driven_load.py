@@ -69,7 +69,7 @@ def with_driven_load(
     best, left = measured.recordings, _left(measured, model)
     floor = POLICY.floor_factor * model.inertia * math.sqrt(sensor_variance(measured, sure=False))
     for channels_of in (_simulated, _by_contacts)[: 1 + (contacts and one_sensor(measured))]:
-        if best is not measured.recordings and left < floor**2:  # followed, and all rows count
+        if channels_of is _by_contacts and left < floor**2:  # followed, and all rows count
             break
         if channels := channels_of(forces, motor, model.inertia, coupling):
             moved = equations_of(_with(measured, channels, (term.id, share)), startup, measured.bands)

@@ -68,17 +68,20 @@ class Play:
         self.signals, self.travel = signals, travel
         size = _rms(signals.force)
         self._units = np.array([size / max(_rms(x), 1e-300) for x in signals.given])
+        self._given = [unit * signals.rows(x) for unit, x in zip(self._units, signals.given, strict=True)]
 
-    def best(self) -> tuple[Array, list[Array]] | None:
-        """(the play that leaves least, plays that leave nearly as little), each of shape (5 + p,).
-
-        None where none leaves clearly less than a rigid axis.
-        """
+    def starts(self) -> list[Array]:
+        """Plays that leave least of the softened acceleration, each of shape (5 + p,), best first; none where none
+        leaves clearly less than a rigid axis."""
         soft = Play(softened(self.signals, _SOFT), self.travel)
         shapes = soft._shapes()
         if not soft._worth_a_fit(shapes[0]):
-            return None
-        found = [self.fitted(soft.fitted(soft._at(x), _TOGETHER, _COARSE), _TOGETHER, _COARSE) for x in shapes]
+            return []
+        return sorted((soft.fitted(soft._at(x), _TOGETHER, _COARSE) for x in shapes), key=soft._squares)
+
+    def best(self, starts: Sequence[Array]) -> tuple[Array, list[Array]]:
+        """(the play that leaves least, plays that leave nearly as little), each of shape (5 + p,)."""
+        found = [self.fitted(at, _TOGETHER, _COARSE) for at in starts]
         found += [self.fitted(self._at(self._lowest(at[:3], _WIDE)), _TOGETHER, _COARSE) for at in found]
         squares = [self._squares(at) for at in found]
         most = min(squares) + _NEARLY * (float(np.sum(self._rigid() ** 2)) - min(squares))
@@ -146,7 +149,7 @@ class Play:
     def _shapes(self) -> list[Array]:
         """(log frequency, log gap, logit) of the best plays of a grid that are unlike each other, refined; best first.
 
-        Amplitude and delay of the motion are left free.
+        Amplitude and delay of the motion and the other forces are left free.
         """
         ranked = sorted(self._grid(), key=lambda shape: self._explained(shape)[0])
         distinct: list[Array] = []
@@ -165,23 +168,24 @@ class Play:
 
     def _at(self, shape: Array) -> Array:
         """All values: what makes the motion smaller by a factor is an inertia and a gap that are larger and smaller."""
-        size, change = self._explained(shape)[1]
-        factor = math.log(min(max(size, 0.2), 5.0))
-        early = min(max(change / max(size, 0.2), 1.0 - _LATEST), _LATEST - 1.0)
-        own = [shape[0], shape[1] + factor, shape[2], math.log(self.signals.inertia) - factor, early]
-        return np.concatenate([own, np.zeros(len(self._units))])
+        size, change, *others = self._explained(shape)[1]
+        size = min(max(size, 0.2), 5.0)
+        early = min(max(change / size, 1.0 - _LATEST), _LATEST - 1.0)
+        own = [shape[0], shape[1] + math.log(size), shape[2], math.log(self.signals.inertia / size), early]
+        return np.array([*own, *(-x / size for x in others)])
 
-    def _explained(self, shape: Array) -> tuple[float, tuple[float, float], Array]:
-        """(squares left, factors on its motion and on the change of that over a sample, what is left)."""
+    def _explained(self, shape: Array) -> tuple[float, Array, Array]:
+        """(squares left, factors on its motion, on the change of that over a sample and on what other forces do to a
+        rigid axis, what is left)."""
         at = np.concatenate([shape, [math.log(self.signals.inertia), 0.0], np.zeros(len(self._units))])
         target = self.signals.target
         moved = target - self.left(at, _COARSE) if self._sensible(at) else np.full(len(target), np.nan)
         if not np.all(np.isfinite(moved)):  # what a senseless load leaves is a multiple of the target
-            return math.inf, (1.0, 0.0), target
-        rows = np.stack([moved, np.gradient(moved)])
+            return math.inf, np.eye(1, 2 + len(self._given))[0], target
+        rows = np.stack([moved, np.gradient(moved), *self._given])
         weights = np.linalg.lstsq(rows @ rows.T, rows @ target, rcond=1e-12)[0]
         rest = target - weights @ rows
-        return float(rest @ rest), (float(weights[0]), float(weights[1])), rest
+        return float(rest @ rest), weights, rest
 
     def _worth_a_fit(self, shape: Array) -> bool:
         """Whether it gains over a rigid axis half of what an answer must."""

@@ -37,7 +37,7 @@ from dsd_cli.signals.log import Array
 
 #: Rounds in which the delay is moved, samples that it moves at most, and less than which it stays.
 _ROUNDS, _MOST_MOVED, _NEAR = 5, 3.0, 0.3
-#: What a response is asked beside, found or not: a play that nobody knows of hides friction, and friction hides a play.
+#: What a play is sought beside, found or not: a play that nobody knows of hides friction, and friction hides a play.
 _IN_ANY_AXIS = ("coulomb_friction", "viscous_friction")
 
 
@@ -116,7 +116,7 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     frequency, spread = values["frequency"]
     swings = float(over_rigid.sum()) > POLICY.response_nats and frequency > POLICY.value_deviations * spread
     sought = PLAY in asked and (doubtful or swings)
-    play = _play(search, look, (rigid, modes.columns(at))) if sought else None
+    play = _play(search, _beside_friction(search, look)) if sought else None
     if play is not None and play.certain:
         return Response(play.seen(highest))
     correlated = correlation_time(swinging) > POLICY.response_correlated
@@ -130,7 +130,7 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     target = fresh(signals.target)
     if not _enough(gains(left(fresh(rigid), target), left(fresh(modes.columns(at)), target))):
         return unseen
-    tied = play is not None and not _agreed(gains(play.rest, swinging))
+    tied = play is not None and not _agreed(gains(play.rest, play.rival))
     fall, nats = _fall(rival, swinging), float(over_rigid.sum())
     if PLAY in asked and correlated and fall < POLICY.response_fall:
         return replace(unseen, rattles=True)
@@ -156,8 +156,7 @@ def _swinging(search: Search, whole: Fit) -> _Look | None:
     found = (t for t in whole.terms if t not in search.base)
     late = {t for t in found if t.effect.role is Role.STRUCTURE or t.effect.lateness is not None}
     terms = tuple(t for t in whole.terms if t.id not in shown and t not in late)
-    friction = (Term(name) for name in _IN_ANY_AXIS if name in search.allowed and name not in {t.id for t in terms})
-    fit = part.fit((*terms, *friction), whole.tap if terms == whole.terms else search.refit.tap)
+    fit = part.fit(terms, whole.tap if terms == whole.terms else search.refit.tap)
     delay, step = delay_of(part, fit), search.equations.sample_time
     lowest, highest = POLICY.response_lowest_share * search.equations.band.hz, POLICY.response_highest_share / step
     signals = signals_of(part, fit, delay)
@@ -198,17 +197,26 @@ class _Found:
         return Seen(PLAY, self.values, (), nats, fall, highest, own / math.sqrt(1.0 - share), self.model)
 
 
-def _play(search: Search, look: _Look, others: Sequence[Array]) -> _Found | None:
-    """The play that explains most; `others` : columns of the explanations without play, shape (n, k)."""
+def _beside_friction(search: Search, look: _Look) -> _Look:
+    """The same look beside friction as well."""
+    ids = {t.id for t in look.fit.terms}
+    friction = tuple(Term(name) for name in _IN_ANY_AXIS if name in search.allowed and name not in ids)
+    fit = look.part.fit((*look.fit.terms, *friction), look.fit.tap) if friction else look.fit
+    signals = signals_of(look.part, fit, look.delay) if friction else None
+    return look if signals is None else replace(look, fit=fit, signals=signals, modes=Modes(signals))
+
+
+def _play(search: Search, look: _Look) -> _Found | None:
+    """The play that explains most."""
     if not search.ranges.travel > 0.0:
         return None
-    signals = look.signals
-    play = Play(signals, search.ranges.travel)
-    best = play.best()
-    if best is None:
+    starts = Play(look.signals, search.ranges.travel).starts()
+    if not starts:
         return None
-    at, near = best
-    delay = look.delay
+    delay, signals = look.later(-float(starts[0][LATE]))  # the full rate tells a contact by less than a sample
+    moved = np.where(np.arange(len(starts[0])) == LATE, (delay - look.delay) / look.signals.step, 0.0)
+    play = Play(signals, search.ranges.travel)
+    at, near = play.best([at + moved for at in starts])
     for _ in range(_ROUNDS):
         if abs(at[LATE]) < _NEAR:
             break
@@ -220,6 +228,7 @@ def _play(search: Search, look: _Look, others: Sequence[Array]) -> _Found | None
     (gap, spread), resolved = values["gap"], search.ranges.resolution / POLICY.resolved_deviations
     told = gap > POLICY.value_deviations * max(spread, 0.0) and gap > resolved
     free = [signals.rows(x) for x in signals.given]
+    others = (look.modes.rigid(), look.modes.columns(look.at))
     rival = min((left(np.column_stack([x, *free]), signals.target) for x in others), key=_squares)
     white = correlation_time(rest) < POLICY.response_correlated  # a load that no simulation follows leaves more
     certain = told and white and is_a_load(values["load_share"][0]) and _agreed(gains(rival, rest))
