@@ -383,11 +383,11 @@ static PyObject *driven_rows(PyObject *module, PyObject *args) {
     PyObject *objects[2];
     Columns c;
     Coupling k;
-    double interval, own, apart = 0.0, closing = 0.0;
+    double interval, own, apart, closing = 0.0;
     Py_ssize_t i, steps;
     (void)module;
-    if (!PyArg_ParseTuple(args, "O(dddd)ddnO", &objects[0], &k.square, &k.drag, &k.half_gap, &k.rate, &own, &interval,
-                          &steps, &objects[1])) return NULL;
+    if (!PyArg_ParseTuple(args, "O(dddd)ddndO", &objects[0], &k.square, &k.drag, &k.half_gap, &k.rate, &own,
+                          &interval, &steps, &apart, &objects[1])) return NULL;
     if (open_columns(&c, objects, 2)) return NULL;
     {
         const double *push = c.view[0].buf;
@@ -407,7 +407,7 @@ static PyMethodDef methods[] = {
     {"bouc_wen", bouc_wen, METH_VARARGS, "bouc_wen(moved, exponent, unloading, before, out) -> the last state"},
     {"load", load_rows, METH_VARARGS, "load(position, velocity, interval, coupling, state, out) -> state"},
     {"load_row", load_row, METH_VARARGS, "load_row(position, velocity, interval, coupling, state) -> (mean, state)"},
-    {"driven", driven_rows, METH_VARARGS, "driven(push, coupling, own, interval, steps, out)"},
+    {"driven", driven_rows, METH_VARARGS, "driven(push, coupling, own, interval, steps, apart, out)"},
     {NULL, NULL, 0, NULL},
 };
 

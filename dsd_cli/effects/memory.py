@@ -24,6 +24,8 @@ STEP = 0.2
 EVENTS = 6
 #: And no interval is cut into more steps than this.
 MOST_STEPS = 10_000
+#: Share of the rms acceleration of a load by which two that began apart may differ and move alike.
+ALIKE = 0.01
 
 
 def one_pole(keep: Array, add: Array, before: float, compiled: Any = COMPILED) -> Array:
@@ -250,13 +252,22 @@ def _over(
     return apart, closing, taken
 
 
-def driven_motor(push: Array, interval: float, coupling: Coupling, share: float, step: float) -> Array:
+def driven_motor(push: Array, interval: float, coupling: Coupling, share: float) -> Array:
     """Mean acceleration of the motor per interval, s_m J a = F - (1 - s_m) J a_l; parameters as `driven_load`."""
-    return np.asarray(push - share / (1.0 - share) * driven_load(push, interval, coupling, share, step))
+    return np.asarray(push - share / (1.0 - share) * driven_load(push, interval, coupling, share))
+
+
+def forgotten(push: Array, interval: float, coupling: Coupling, share: float) -> int:
+    """Intervals after which a load with play moves alike from either flank and from between them: where it began, which
+    no log tells, it has forgotten. Half of them where it remembers for longer; parameters as `driven_load`."""
+    begun = (0.0, coupling.half_gap, -coupling.half_gap)
+    here, *others = (driven_load(push, interval, coupling, share, x) for x in begun)
+    unlike = np.max(np.abs(np.subtract(others, here)), axis=0) > ALIKE * np.sqrt(np.mean(here**2))
+    return min(int(np.max(np.flatnonzero(unlike), initial=-1)) + 1, len(push) // 2)
 
 
 def driven_load(
-    push: Array, interval: float, coupling: Coupling, share: float, step: float, compiled: Any = COMPILED
+    push: Array, interval: float, coupling: Coupling, share: float, apart: float = 0.0, compiled: Any = COMPILED
 ) -> Array:
     """Mean acceleration of the load per interval where a force drives the motor: two masses, no sensor, from rest.
 
@@ -265,16 +276,16 @@ def driven_load(
     Parameters
     ----------
     push : F / (s_m J), what the motor would do alone, constant in each interval, shape (n,), of equal intervals in s.
-    share : the load's, of the inertia J of both. step : longest step, radians of the free vibration.
+    share : the load's, of the inertia J of both. apart : motor less load at the begin, at which both rest.
     """
     own = 1.0 - share
-    steps = min(max(math.ceil(coupling.rate / math.sqrt(own) * interval / step), 1), MOST_STEPS)
+    steps = coupling.steps(interval / math.sqrt(own))  # of the free vibration, which is quicker than the load's own
     push = np.ascontiguousarray(push, dtype=np.float64)
     out = np.empty_like(push)
     if compiled is not None:
-        compiled.driven(push, tuple(coupling), own, interval, steps, out)
+        compiled.driven(push, tuple(coupling), own, interval, steps, apart, out)
         return out
-    lighter, apart, closing = 1.0 / own, 0.0, 0.0
+    lighter, closing = 1.0 / own, 0.0
     for k, f in enumerate(push.tolist()):
         apart, closing, taken = _over(coupling, f, lighter, interval, steps, apart, closing)
         out[k] = taken / (lighter * interval)

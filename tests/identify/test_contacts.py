@@ -76,7 +76,7 @@ def test_no_play_where_the_axis_is_rigid_or_a_load_swings():
     rigid = contacts_of(pushes(push, np.cumsum(push) * STEP / 0.01, 3), 0.01)
     assert not rigid or rigid[0].off > POLICY.play_off
     for hz in (8.0, 25.0):
-        a = driven_motor(push / 0.006, STEP, Coupling.of(hz, 0.05), 0.4, 0.1)
+        a = driven_motor(push / 0.006, STEP, Coupling.of(hz, 0.05), 0.4)
         found = contacts_of(pushes(push, np.cumsum(a) * STEP, 3), 0.01)
         assert not found or found[0].off > POLICY.play_off
 

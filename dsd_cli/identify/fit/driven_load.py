@@ -72,8 +72,9 @@ def with_driven_load(
         if channels_of is _by_contacts and left < floor**2:  # followed, and all rows count
             break
         if channels := channels_of(forces, motor, model.inertia, coupling):
-            moved = equations_of(_with(measured, channels, (term.id, share)), startup, measured.bands)
-            rest = _left(moved, model) if np.mean(moved.kept) > POLICY.least_moving else math.inf
+            moved = equations_of(_with(measured, channels, (term.id, share, coupling)), startup, measured.bands)
+            most = np.mean(moved.kept) > POLICY.least_moving and len(moved.kept) > POLICY.driven_rows * len(measured.kept)
+            rest = _left(moved, model) if most else math.inf
             if rest < POLICY.driven_gain**2 * left:
                 best, left = moved.recordings, rest
     return best
@@ -97,7 +98,7 @@ def one_sensor(equations: Equations) -> bool:
 
 
 def _with(
-    equations: Equations, by_stretch: Sequence[dict[str, Array]], pushed: tuple[str, float]
+    equations: Equations, by_stretch: Sequence[dict[str, Array]], pushed: tuple[str, float, Coupling]
 ) -> tuple[Recording, ...]:
     """The recordings with more channels."""
     by_piece = {id(s.log): x for s, x in zip(equations.stretches, by_stretch, strict=True)}

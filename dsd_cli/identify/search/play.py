@@ -21,8 +21,6 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.signals import Signals, left, softened, variance_of
 from dsd_cli.signals.log import Array
 
-#: Longest Runge-Kutta step, radians of the free vibration: while searching, and for what is judged.
-_COARSE, _FINE = 0.2, 0.1
 #: Hz, above which the acceleration is softened while the play is looked for.
 _SOFT = 10.0
 #: Grid: own frequencies of the load in Hz (the last: times the sample rate), gaps per travel, shares.
@@ -77,32 +75,32 @@ class Play:
         shapes = soft._shapes()
         if not soft._worth_a_fit(shapes[0]):
             return []
-        return sorted((soft.fitted(soft._at(x), _TOGETHER, _COARSE) for x in shapes), key=soft._squares)
+        return sorted((soft.fitted(soft._at(x), _TOGETHER) for x in shapes), key=soft._squares)
 
     def best(self, starts: Sequence[Array]) -> tuple[Array, list[Array]]:
         """(the play that leaves least, plays that leave nearly as little), each of shape (5 + p,)."""
-        found = [self.fitted(at, _TOGETHER, _COARSE) for at in starts]
-        found += [self.fitted(self._at(self._lowest(at[:3], _WIDE)), _TOGETHER, _COARSE) for at in found]
+        found = [self.fitted(at, _TOGETHER) for at in starts]
+        found += [self.fitted(self._at(self._lowest(at[:3], _WIDE)), _TOGETHER) for at in found]
         squares = [self._squares(at) for at in found]
         most = min(squares) + _NEARLY * (float(np.sum(self._rigid() ** 2)) - min(squares))
         near = [at for at, x in zip(found, squares, strict=True) if x <= most]
-        return self.fitted(found[int(np.argmin(squares))], _LAST, _FINE), near
+        return self.fitted(found[int(np.argmin(squares))], _LAST), near
 
-    def fitted(self, at: Array, evaluations: int = _LAST, step: float = _FINE) -> Array:
+    def fitted(self, at: Array, evaluations: int = _LAST) -> Array:
         """All values from there on, by Levenberg and Marquardt's method, shape (5 + p,); to all digits the best one."""
         from scipy.optimize import least_squares
 
-        limits = {"max_nfev": evaluations, "ftol": _FOUND if step == _FINE else _NEARLY_FOUND}
+        limits = {"max_nfev": evaluations, "ftol": _FOUND if evaluations == _LAST else _NEARLY_FOUND}
         scales = np.concatenate([_SCALES, np.full(len(self._units), _SCALE_OF_FORCES)])
 
         def left(x: Array) -> Array:
-            return self.left(at + scales * (x - _FAR), step)
+            return self.left(at + scales * (x - _FAR))
 
         with np.errstate(all="ignore"):  # steps are shares of x, which is far from 0 for that
             found = least_squares(left, np.full(len(at), _FAR), method="lm", diff_step=_SHARE_OF_SCALE / _FAR, **limits)
         return np.asarray(at + scales * (found.x - _FAR))
 
-    def left(self, at: Array, step: float = _FINE) -> Array:
+    def left(self, at: Array) -> Array:
         """What remains of the whitened acceleration, shape (n,), unit of u."""
         if not self._sensible(at):
             return _SENSELESS * self.signals.target
@@ -111,7 +109,7 @@ class Play:
         moved = []
         for i, (force, shift) in enumerate(zip(signals.force, signals.shift, strict=True)):
             net = force + late * shift - sum(c * x[i] for c, x in zip(changes, signals.given, strict=True))
-            moved.append(driven_motor(net / ((1.0 - share) * inertia), signals.step, coupling, share, step))
+            moved.append(driven_motor(net / ((1.0 - share) * inertia), signals.step, coupling, share))
         return np.asarray(signals.target - signals.inertia * signals.rows(moved))
 
     def changes(self, at: Array) -> Array:
@@ -142,7 +140,7 @@ class Play:
         return {n: (float(v), float(s)) for n, v, s in zip(names, given, spread, strict=True)}
 
     def _squares(self, at: Array) -> float:
-        rest = self.left(at, _COARSE)
+        rest = self.left(at)
         found = float(rest @ rest)
         return found if math.isfinite(found) else math.inf
 
@@ -179,7 +177,7 @@ class Play:
         rigid axis, what is left)."""
         at = np.concatenate([shape, [math.log(self.signals.inertia), 0.0], np.zeros(len(self._units))])
         target = self.signals.target
-        moved = target - self.left(at, _COARSE) if self._sensible(at) else np.full(len(target), np.nan)
+        moved = target - self.left(at) if self._sensible(at) else np.full(len(target), np.nan)
         if not np.all(np.isfinite(moved)):  # what a senseless load leaves is a multiple of the target
             return math.inf, np.eye(1, 2 + len(self._given))[0], target
         rows = np.stack([moved, np.gradient(moved), *self._given])
