@@ -338,7 +338,6 @@ def test_play_is_sought_where_a_load_has_a_frequency_or_something_is_left(spread
     )
     look = SimpleNamespace(signals=SimpleNamespace(target=target, step=1e-3), modes=modes, at=None)
     asked: list[object] = []
-    monkeypatch.setattr(response, "_beside_friction", lambda _search, look: look)
     monkeypatch.setattr(response, "_play", lambda *all_of_it: asked.append(all_of_it))
     response._load_in(None, (response.PLAY, response.COUPLING), doubtful, look)
     assert len(asked) == sought

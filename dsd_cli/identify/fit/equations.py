@@ -78,8 +78,7 @@ class Equations:
     def begins(self) -> list[int]:
         """Sample of each stretch at which its rows begin: not before `startup`, nor while its load is anywhere."""
         pairs = zip(self.stretches, self.bands_of_stretches, strict=True)
-        latest = [(s.begin, len(s.log) - len(b.taps) - 2 * b.step) for s, b in pairs]
-        return [max(self.startup, min(pair)) for pair in latest]
+        return [max(self.startup, min(s.begin, len(s.log) - len(b.taps) - 2 * b.step)) for s, b in pairs]
 
     @property
     def row_times(self) -> list[float]:

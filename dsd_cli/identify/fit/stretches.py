@@ -275,8 +275,3 @@ def direction(speed: Array, noise: Array) -> Array:
 def finite(x: Array) -> Array:
     """0 for NaN; x itself where there is none, which is quicker to see than to mend."""
     return x if bool(np.isfinite(x).all()) else np.nan_to_num(x)
-
-
-def mean_of_middles(x: Array) -> Array:
-    """Mean over each interval of a smooth function, from its values in the middle of the intervals."""
-    return passed(x, _MEAN_OF_MIDDLES, 1)

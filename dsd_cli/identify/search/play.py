@@ -20,6 +20,7 @@ from dsd_cli.effects.memory import Coupling, driven_motor
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.signals import Signals, left, softened, variance_of
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.spread import rms
 
 #: Hz, above which the acceleration is softened while the play is looked for.
 _SOFT = 10.0
@@ -39,8 +40,8 @@ _EVALUATIONS, _TOGETHER, _LAST = 80, 100, 200
 _FOUND, _NEARLY_FOUND = 1e-8, 1e-5
 #: Step of its derivatives, as a share of those, and where its unknowns begin.
 _SHARE_OF_SCALE, _FAR = 0.01, 100.0
-#: Which of the values is the delay.
-LATE = 4
+#: Which of the values are the logarithm of the inertia, and the delay.
+LOG_INERTIA, LATE = 3, 4
 #: Typical size of a step: log frequency, log gap, logit of the share, log inertia, samples of delay; of other forces,
 #: as a share of all forces.
 _SCALES, _SCALE_OF_FORCES = (0.1, 0.1, 0.3, 0.05, 0.3), 0.05
@@ -64,16 +65,17 @@ class Play:
 
     def __init__(self, signals: Signals, travel: float) -> None:
         self.signals, self.travel = signals, travel
-        size = _rms(signals.force)
-        self._units = np.array([size / max(_rms(x), 1e-300) for x in signals.given])
+        size, *sizes = (rms(np.concatenate(x)) for x in (signals.force, *signals.given))
+        self._units = np.array([size / max(x, 1e-300) for x in sizes])
         self._given = [unit * signals.rows(x) for unit, x in zip(self._units, signals.given, strict=True)]
 
     def starts(self) -> list[Array]:
         """Plays that leave least of the softened acceleration, each of shape (5 + p,), best first; none where none
         leaves clearly less than a rigid axis."""
         soft = Play(softened(self.signals, _SOFT), self.travel)
-        shapes = soft._shapes()
-        if not soft._worth_a_fit(shapes[0]):
+        shapes, rigid = soft._shapes(), soft._rigid()
+        left, _, rest = soft._explained(shapes[0])
+        if not float(rigid @ rigid) - left > 2.0 * variance_of(rest) * _WORTH_A_FIT * POLICY.response_nats:
             return []
         return sorted((soft.fitted(soft._at(x), _TOGETHER) for x in shapes), key=soft._squares)
 
@@ -115,10 +117,6 @@ class Play:
     def changes(self, at: Array) -> Array:
         """Of the coefficients of the other forces, shape (p,)."""
         return np.asarray(at[5:] * self._units)
-
-    def inertia(self, at: Array) -> float:
-        """J of both masses."""
-        return _plain(at)[3]
 
     def values(self, at: Array, variance: float, near: Sequence[Array]) -> dict[str, tuple[float, float]]:
         """{parameter of the effect: (value, standard error)}.
@@ -185,12 +183,6 @@ class Play:
         rest = target - weights @ rows
         return float(rest @ rest), weights, rest
 
-    def _worth_a_fit(self, shape: Array) -> bool:
-        """Whether it gains over a rigid axis half of what an answer must."""
-        rest, rigid = self._explained(shape)[2], self._rigid()
-        nats = (float(rigid @ rigid) - float(rest @ rest)) / (2.0 * variance_of(rest))
-        return nats > _WORTH_A_FIT * POLICY.response_nats
-
     def _rigid(self) -> Array:
         """What a rigid axis leaves with all forces free, shape (n,)."""
         signals = self.signals
@@ -213,10 +205,6 @@ class Play:
             for gap in gaps
             for s in _SHARES
         ]
-
-
-def _rms(parts: list[Array]) -> float:
-    return math.sqrt(sum(float(x @ x) for x in parts) / max(sum(len(x) for x in parts), 1))
 
 
 def _plain(at: Array) -> tuple[float, float, float, float, float]:
