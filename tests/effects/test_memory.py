@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dsd_cli.effects import Channels, get_effect
-from dsd_cli.effects.memory import COMPILED, Coupling, Load, driven_load, load_acceleration, one_pole
+from dsd_cli.effects.memory import COMPILED, Coupling, Load, driven_load, forgotten, load_acceleration, one_pole
 
 RNG = np.random.default_rng(5)
 T = 1e-3
@@ -195,6 +195,26 @@ def test_two_masses_under_a_force_against_scipy(gap):
     found = driven_load(push, T, coupling, share)
     assert np.abs(found).max() > 5.0
     np.testing.assert_allclose(found, expected, atol=1e-4 * np.abs(expected).max())
+
+
+@pytest.mark.parametrize("share", [0.3, 0.6])
+def test_where_it_began_is_forgotten_once_every_bounce_is_over(share):
+    """From the far flank the motor crosses the gap and then bounces with e = exp(-2 zeta phi / sin phi), cos phi =
+    zeta: flights last 2 e, 2 e^2, ... of the first one. No force acts for 100 intervals."""
+    damping, gap, pushed, step = 0.3, 0.01, 4.0, 1e-4
+    phi = math.acos(damping)
+    left = math.exp(-2.0 * damping * phi / math.sin(phi))
+    crossed = math.sqrt(2.0 * gap / pushed) / step
+    push = np.where(np.arange(8000) < 100, 0.0, pushed)
+    found = forgotten(push, step, Coupling.of(400.0, damping, gap), share)
+    assert crossed < found - 100 < 1.05 * crossed * (1.0 + 2.0 * left / (1.0 - left))
+
+
+def test_what_is_not_forgotten_by_half_of_the_log_is_said_by_that():
+    """Pushed to and fro for a moment at the end alone."""
+    push = np.where(np.arange(1000) < 900, 0.0, 40.0)
+    assert forgotten(push, 1e-3, Coupling.of(60.0, 0.3, 0.02), 0.4) == 500
+    assert forgotten(push, 1e-3, Coupling.of(60.0, 0.3), 0.4) == 0
 
 
 def test_a_free_motor_moves_no_load():
