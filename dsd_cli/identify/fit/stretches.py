@@ -124,10 +124,6 @@ class Stretch:
     noisy: bool = False
 
     @cached_property
-    def _whole(self) -> bool:
-        return bool(np.all(self.clear == 1.0))
-
-    @cached_property
     def begin(self) -> int:
         """Samples in which nobody knows where a load is that a force drives."""
         return 0 if self.pushed is None else forgotten(self.log["push"], self.log.sample_time, *self.pushed[2:0:-1])
@@ -216,7 +212,7 @@ class Stretch:
         if not self.two_intervals:
             return x * self.clear
         found = passed(x, MEAN_OF_FOUR, 1) if smooth else passed(x, _HALVES, 0)
-        return found if self._whole else found * self.clear
+        return found * self.clear
 
 
 def stretch_of(log: Log, recording: Recording, owner: int) -> Stretch:

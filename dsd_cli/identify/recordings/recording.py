@@ -46,8 +46,7 @@ class Recording:
     missing : channel -> why it cannot be had.
     rest_speed : speed up to which the plant may be at rest, as far as the measurement can show.
     pushed : (effect, share of the inertia, coupling) of the load that "push" of the pieces drives (`fit.driven_load`);
-        None where the motion drives every load.
-    levels : (effect, column, coefficient) of forces that act in this log alone.
+        None where the motion drives every load. levels : (effect, column, coefficient) of forces in this log alone.
     taken_off : kinds of parts of u that did not act, or of rows in which more did, that are no more in it.
     lost : what a low-pass has taken from the motion before it was logged.
     """

@@ -139,8 +139,7 @@ class Play:
 
     def _squares(self, at: Array) -> float:
         rest = self.left(at)
-        found = float(rest @ rest)
-        return found if math.isfinite(found) else math.inf
+        return float(np.nan_to_num(rest @ rest, nan=math.inf, posinf=math.inf))
 
     def _shapes(self) -> list[Array]:
         """(log frequency, log gap, logit) of the best plays of a grid that are unlike each other, refined; best first.
