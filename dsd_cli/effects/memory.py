@@ -259,11 +259,11 @@ def driven_motor(push: Array, interval: float, coupling: Coupling, share: float)
 
 def forgotten(push: Array, interval: float, coupling: Coupling, share: float) -> int:
     """Intervals after which a load with play moves alike from either flank and from between them: where it began, which
-    no log tells, it has forgotten. Half of them where it remembers for longer; parameters as `driven_load`."""
+    nobody knows, it has forgotten; parameters as `driven_load`."""
     begun = (0.0, coupling.half_gap, -coupling.half_gap)
     here, *others = (driven_load(push, interval, coupling, share, x) for x in begun)
     unlike = np.max(np.abs(np.subtract(others, here)), axis=0) > ALIKE * np.sqrt(np.mean(here**2))
-    return min(int(np.max(np.flatnonzero(unlike), initial=-1)) + 1, len(push) // 2)
+    return int(np.max(np.flatnonzero(unlike), initial=-1)) + 1
 
 
 def driven_load(

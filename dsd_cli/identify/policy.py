@@ -104,7 +104,6 @@ class Policy:
     response_correlated: float = 6.0  # rows over which what a swinging load leaves is correlated; more: play may rattle
     response_fall: float = 0.5  # of the output error that it takes off: less, and it leaves something correlated
     driven_gain: float = 0.7  # of the error with a load that the sensor drives, that one driven by the model may leave
-    driven_rows: float = 0.6  # of all rows, in which such a load must have forgotten where it began
     play_alone: float = 0.1  # of the force in contact, that may push a motor which is alone in its play
     play_off: float = 0.03  # of the play, by which contacts may lie off its flanks; of true play up to 0.02
 

@@ -73,7 +73,7 @@ def with_driven_load(
             break
         if channels := channels_of(forces, motor, model.inertia, coupling):
             moved = equations_of(_with(measured, channels, (term.id, share, coupling)), startup, measured.bands)
-            known = len(moved.kept) > POLICY.driven_rows * len(measured.kept)  # else it remembers where it began
+            known = len(moved.kept) > len(measured.kept) // 2  # else it remembers too long where it began
             rest = _left(moved, model) if known and np.mean(moved.kept) > POLICY.least_moving else math.inf
             if rest < POLICY.driven_gain**2 * left:
                 best, left = moved.recordings, rest
