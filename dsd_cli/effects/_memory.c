@@ -112,73 +112,116 @@ static PyObject *bouc_wen(PyObject *module, PyObject *args) {
 
 /* ---- two masses ------------------------------------------------------------------------------------------------ */
 
-/* wa^2, 2 zeta wa, gap/2, wa, 1 / depth at which the damping of a contact is fully there */
-typedef struct { double square, drag, half_gap, rate, fade; } Coupling;
+/* wa^2, 2 zeta wa, gap/2, wa */
+typedef struct { double square, drag, half_gap, rate; } Coupling;
 typedef struct { double position, velocity, motor_velocity, interval; } Load;
 
-/* how deep in contact the damping is fully there, as a share of gap/2 */
-#define FULL_DAMPING 0.1
+/* Motor less load is `apart`, its rate `closing`; closing' = push - lighter pull, with a push that is constant on the
+ * way. Of a load behind its motor the push is the motor's acceleration, and lighter is 1; where a force drives both,
+ * lighter is 1 / the motor's share of the inertia. Every function is that of the same name in memory.py */
 
-/* laws of the coupling, bits: no force; the damping fades in, or is fully there, on either flank */
-enum { NO_FORCE = 1, FADING = 2, IN_CONTACT = 4, OTHER_FLANK = 2 };
-
-static double contact(const Coupling *c, double depth, double closing, int *laws, int flank) {
-    const double share = depth * c->fade;
-    const double a = c->square * depth + c->drag * closing * (share < 1.0 ? share : 1.0);
-    *laws |= a > 0.0 ? (share < 1.0 ? FADING : IN_CONTACT) << flank : NO_FORCE;
-    return a > 0.0 ? a : 0.0;
+/* the flank that pushes, or 0 */
+static double side_of(const Coupling *k, double apart, double closing) {
+    const double flank = apart < 0.0 ? -1.0 : 1.0, depth = flank * apart - k->half_gap;
+    return depth >= 0.0 && k->square * depth + k->drag * flank * closing > 0.0 ? flank : 0.0;
 }
 
-/* acceleration of the load: `apart` = motor less load, `closing` = its rate; a contact pushes and never pulls.
- * The law that holds is added to the laws */
-static double pull(const Coupling *c, double apart, double closing, int *laws) {
-    if (c->half_gap == 0.0) return c->square * apart + c->drag * closing;
-    if (apart > c->half_gap) return contact(c, apart - c->half_gap, closing, laws, 0);
-    if (apart < -c->half_gap) return -contact(c, -apart - c->half_gap, -closing, laws, OTHER_FLANK);
-    *laws |= NO_FORCE;
-    return 0.0;
+static double pull(const Coupling *k, double apart, double closing) {
+    double side = 0.0;
+    if (k->half_gap > 0.0 && (side = side_of(k, apart, closing)) == 0.0) return 0.0;
+    return k->square * (apart - side * k->half_gap) + k->drag * closing;
 }
 
-/* One classical Runge-Kutta step of h of the load's own position and speed, seen from a motor whose speed changes at
- * the rate slope. Returns the mean pull; the laws that hold on its way are added to the laws */
-static double step(const Coupling *k, double slope, double h, double *apart, double *closing, int *laws) {
-    const double q = *apart, v = *closing, q2 = q + 0.5 * h * (v + 0.25 * h * slope), v2 = v + 0.5 * h * slope;
-    const double a1 = pull(k, q, v, laws), a2 = pull(k, q2, v2 - 0.5 * h * a1, laws);
-    const double a3 = pull(k, q2 - 0.25 * h * h * a1, v2 - 0.5 * h * a2, laws);
-    const double q4 = q + h * (v + 0.5 * h * slope), v4 = v + h * slope;
-    const double a4 = pull(k, q4 - 0.5 * h * h * a2, v4 - h * a3, laws);
-    *apart = q4 - h * h / 6.0 * (a1 + a2 + a3);
-    *closing = v4 - h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
-    pull(k, *apart, *closing, laws);
-    return (a1 + 2.0 * a2 + 2.0 * a3 + a4) / 6.0;
+static double rises(double value, double rate, double bend, double most) {
+    const double square = rate * rate - 2.0 * bend * value;
+    double root, at;
+    if (square < 0.0) return most;
+    root = sqrt(square);
+    if (rate > 0.0) at = -2.0 * value / (rate + root);
+    else if (bend == 0.0) return most;
+    else at = (root - rate) / bend;
+    return 0.0 <= at && at < most ? at : most;
 }
 
-/* an interval is cut into steps of at most so many radians of the load's own oscillation; a step within which one law
- * ends and another begins is cut into PARTS */
+static void swung(const Coupling *k, double push, double lighter, double h, double *apart, double *closing) {
+    const double q = *apart, v = *closing, a = push - lighter * (k->square * q + k->drag * v);
+    const double b = -lighter * (k->square * v + k->drag * a), c = -lighter * (k->square * a + k->drag * b);
+    const double d = -lighter * (k->square * b + k->drag * c);
+    *apart = q + h * (v + h / 2.0 * (a + h / 3.0 * (b + h / 4.0 * c)));
+    *closing = v + h * (a + h / 2.0 * (b + h / 3.0 * (c + h / 4.0 * d)));
+}
+
+/* the flank that pushes next, 0 if none does; *when */
+static double touches(const Coupling *k, double push, double left, double q, double v, double *when) {
+    const double flank = q < 0.0 ? -1.0 : 1.0, depth = flank * q - k->half_gap, w = flank * v, p = flank * push;
+    const double far = rises(-depth - 2.0 * k->half_gap, -w, -p, left);
+    double near = rises(depth, w, p, left);
+    if (depth >= 0.0) {
+        const double force = k->square * depth + k->drag * w, rate = k->square * w + k->drag * p;
+        const double again = rises(force, rate, k->square * p, left);
+        if (again < near && depth + again * (w + 0.5 * again * p) >= 0.0) near = again;
+    }
+    *when = near < far ? near : far;
+    return near < far ? flank : far < left ? -flank : 0.0;
+}
+
+static double leaves(const Coupling *k, double push, double lighter, double left, double depth, double w) {
+    const double force = k->square * depth + k->drag * w;
+    double last = depth, speed = w, rate, after;
+    swung(k, push, lighter, left, &last, &speed);
+    after = k->square * last + k->drag * speed;
+    if (after >= 0.0) return left;
+    rate = k->square * w + k->drag * (push - lighter * force);
+    return rises(-force, -rate, 2.0 * (force + rate * left - after) / (left * left), left);
+}
+
+/* beginnings and ends of contacts that are found in a step */
+#define EVENTS 6
+
+/* over a short time, from one event to the next; returns what contact took from closing */
+static double over(const Coupling *k, double push, double lighter, double h, double *apart, double *closing) {
+    double side = side_of(k, *apart, *closing), left = h, q = *apart, v = *closing, taken = 0.0, s;
+    int i;
+    for (i = 0; i < EVENTS && left > 0.0; i++) {
+        if (side == 0.0) {
+            side = touches(k, push, left, q, v, &s);
+            q += s * (v + 0.5 * s * push);
+            v += s * push;
+        } else {
+            double depth = side * q - k->half_gap, w = side * v;
+            s = leaves(k, side * push, lighter, left, depth, w);
+            swung(k, side * push, lighter, s, &depth, &w);
+            taken = taken + push * s - (side * w - v);
+            q = side * (depth + k->half_gap), v = side * w;
+            if (s < left) side = 0.0;
+        }
+        left -= s;
+    }
+    *apart = q + left * (v + 0.5 * left * push);
+    *closing = v + left * push;
+    return taken;
+}
+
+/* an interval is cut into steps of at most so many radians of the load's own oscillation */
 #define STEP 0.2
-#define STEP_WITH_GAP 0.1
-#define PARTS 8
 #define MOST_STEPS 10000.0
 
-/* The same step where one linear law is sure to hold throughout, as the map that it then is: (apart, closing, what
- * drives the motor) -> (apart, closing). The numbers are those of the step, for a part of its work */
+/* The same where one linear law is sure to hold throughout, as the map that it then is: (apart, closing, push) ->
+ * (apart, closing). The numbers are those of `swung`, for a part of its work */
 typedef struct { double qq, qv, qp, vq, vv, vp; } Map;
 
-static Map linear_load(Coupling k, double h) {
+static Map linear(const Coupling *k, double lighter, double h) {
     Map m = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0};
-    int laws = 0;
-    k.half_gap = 0.0;
-    step(&k, 0.0, h, &m.qq, &m.vq, &laws), step(&k, 0.0, h, &m.qv, &m.vv, &laws);
-    step(&k, 1.0, h, &m.qp, &m.vp, &laws);
+    swung(k, 0.0, lighter, h, &m.qq, &m.vq), swung(k, 0.0, lighter, h, &m.qv, &m.vv);
+    swung(k, 1.0, lighter, h, &m.qp, &m.vp);
     return m;
 }
 
-/* whether the law at a flank holds for a whole step from there: no point of it comes near the play or a pull. Pulls
- * stay below twice the first one, if that is more than what they can change by */
+/* whether the law at a flank holds for a whole step from there: no point of it comes near a pull. Pulls stay below
+ * twice the first one, if that is more than what they can change by */
 static int stays_in_contact(const Coupling *k, double depth, double v, double push, double lighter, double h) {
     const double pulls = k->square * depth + k->drag * v, most = fabs(push) + 2.0 * lighter * fabs(pulls);
-    const double moved = h * (fabs(v) + h * most);
-    return (depth - moved) * k->fade > 1.0 && pulls > k->square * moved + k->drag * h * most;
+    return pulls > h * (k->square * (fabs(v) + h * most) + k->drag * most);
 }
 
 static int stays_free(const Coupling *k, double q, double v, double push, double h) {
@@ -215,17 +258,34 @@ static inline int by_one_law(const Coupling *k, const Map *map, double push, dou
     return 1;
 }
 
-typedef struct { double interval, rate; Py_ssize_t steps; Map once, all; } Clock;
+typedef struct { double interval, rate, lighter; Py_ssize_t steps; Map once, all; } Clock;
+
+static Clock clock_of(const Coupling *k, double interval, double lighter, Py_ssize_t steps) {
+    Clock clock = {.interval = interval, .rate = 1.0 / interval, .lighter = lighter, .steps = steps};
+    clock.once = linear(k, lighter, interval / (double)steps);
+    clock.all = repeated(&clock.once, steps);
+    return clock;
+}
 
 static void set_clock(Clock *clock, const Coupling *k, double interval) {
-    double count = ceil(k->rate * interval / (k->half_gap > 0.0 ? STEP_WITH_GAP : STEP));
+    double count = ceil(k->rate * interval / STEP);
     if (!(count >= 1.0)) count = 1.0;
     if (count > MOST_STEPS) count = MOST_STEPS;
-    clock->interval = interval;
-    clock->rate = 1.0 / interval;
-    clock->steps = (Py_ssize_t)count;
-    clock->once = linear_load(*k, interval / count);
-    clock->all = repeated(&clock->once, clock->steps);
+    *clock = clock_of(k, interval, 1.0, (Py_ssize_t)count);
+}
+
+/* mean pull over an interval, which moves what lies between motor and load */
+static double mean_over(const Coupling *k, const Clock *clock, double push, double *apart, double *closing) {
+    const double t = clock->interval, n = (double)clock->steps, h = t / n, rate = clock->rate / clock->lighter;
+    double sum = 0.0, mean;
+    Py_ssize_t i;
+    if (by_one_law(k, &clock->all, push, clock->lighter, t, rate, apart, closing, &mean)) return mean;
+    for (i = 0; i < clock->steps; i++) {
+        if (!by_one_law(k, &clock->once, push, clock->lighter, h, n * rate, apart, closing, &mean))
+            mean = over(k, push, clock->lighter, h, apart, closing) * (n * rate);
+        sum += mean;
+    }
+    return sum / n;
 }
 
 /* `advance` of a load that hangs on a spring and damper alone: what waits for the row before is three operations long */
@@ -244,37 +304,20 @@ static inline double hanging(const Clock *clock, double position, double velocit
  * mean speed, rate of that */
 static double advance(const Coupling *k, const Clock *clock, double position, double velocity, double slope,
                       Load *load) {
-    const double t = clock->interval, h = t / (double)clock->steps, often = (double)clock->steps * clock->rate;
-    double apart = position - 0.5 * t * velocity - load->position, sum = 0.0, mean;
+    const double t = clock->interval;
+    double apart = position - 0.5 * t * velocity - load->position, mean;
     double closing = velocity - 0.5 * t * slope - load->velocity;
-    Py_ssize_t i, j;
     if (!(k->half_gap > 0.0)) return hanging(clock, position, velocity, slope, load);
-    if (!by_one_law(k, &clock->all, slope, 1.0, t, clock->rate, &apart, &closing, &mean)) {
-        for (i = 0; i < clock->steps; i++) {
-            if (!by_one_law(k, &clock->once, slope, 1.0, h, often, &apart, &closing, &mean)) {
-                double q = apart, v = closing;
-                int laws = 0;
-                mean = step(k, slope, h, &apart, &closing, &laws);
-                if (laws & (laws - 1)) {
-                    apart = q, closing = v, mean = 0.0;
-                    for (j = 0; j < PARTS; j++)
-                        mean += step(k, slope, h / PARTS, &apart, &closing, &laws) / PARTS;
-                }
-            }
-            sum += mean;
-        }
-        mean = sum / (double)clock->steps;
-    }
+    mean = mean_over(k, clock, slope, &apart, &closing);
     load->position = position + 0.5 * t * velocity - apart;
-    if (mean != 0.0) load->velocity = velocity + 0.5 * t * slope - closing;  /* in the gap it keeps its speed */
+    load->velocity += t * mean;
     return mean;
 }
 
 /* mean acceleration of the load in a row, which leaves the load as it then is; in an instant (t = 0) nothing moves */
 static double one_row(const Coupling *k, Clock *clock, double position, double velocity, double t, Load *load) {
     const double slope = (velocity - load->motor_velocity) / (0.5 * (t + load->interval));
-    int laws = 0;
-    if (t == 0.0) return pull(k, position - load->position, velocity - load->velocity, &laws);
+    if (t == 0.0) return pull(k, position - load->position, velocity - load->velocity);
     if (t != clock->interval) set_clock(clock, k, t);
     load->motor_velocity = velocity;
     load->interval = t;
@@ -308,7 +351,6 @@ static PyObject *load_rows(PyObject *module, PyObject *args) {
                           &k.half_gap, &k.rate, &load.position, &load.velocity, &load.motor_velocity, &load.interval,
                           &objects[3])) return NULL;
     if (open_columns(&c, objects, 4)) return NULL;
-    k.fade = 1.0 / (FULL_DAMPING * k.half_gap);
     {
         const double *position = c.view[0].buf, *velocity = c.view[1].buf, *interval = c.view[2].buf;
         double *out = c.view[3].buf;
@@ -332,45 +374,8 @@ static PyObject *load_row(PyObject *module, PyObject *args) {
     (void)module;
     if (!PyArg_ParseTuple(args, "ddd(dddd)(dddd)", &position, &velocity, &t, &k.square, &k.drag, &k.half_gap, &k.rate,
                           &load.position, &load.velocity, &load.motor_velocity, &load.interval)) return NULL;
-    k.fade = 1.0 / (FULL_DAMPING * k.half_gap);
     mean = one_row(&k, &clock, position, velocity, t, &load);
     return Py_BuildValue("d(dddd)", mean, load.position, load.velocity, load.motor_velocity, load.interval);
-}
-
-/* apart and closing of two masses: closing' = push - lighter pull, lighter = 1 / the motor's share of the inertia.
- * Returns the mean pull of the load over a step of h; the laws that hold on its way are added to the laws */
-static double pair_step(const Coupling *k, double push, double lighter, double h, double *apart, double *closing,
-                        int *laws) {
-    const double q = *apart, v = *closing;
-    const double p1 = pull(k, q, v, laws), a1 = push - p1 * lighter;
-    const double v2 = v + 0.5 * h * a1, p2 = pull(k, q + 0.5 * h * v, v2, laws), a2 = push - p2 * lighter;
-    const double v3 = v + 0.5 * h * a2, p3 = pull(k, q + 0.5 * h * v2, v3, laws), a3 = push - p3 * lighter;
-    const double v4 = v + h * a3, p4 = pull(k, q + h * v3, v4, laws), a4 = push - p4 * lighter;
-    *apart = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4);
-    *closing = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4);
-    return (p1 + 2.0 * p2 + 2.0 * p3 + p4) / 6.0;
-}
-
-/* the map of that step under one linear law */
-static Map linear_pair(Coupling k, double lighter, double h) {
-    Map m = {1.0, 0.0, 0.0, 0.0, 1.0, 0.0};
-    int laws = 0;
-    k.half_gap = 0.0;
-    pair_step(&k, 0.0, lighter, h, &m.qq, &m.vq, &laws), pair_step(&k, 0.0, lighter, h, &m.qv, &m.vv, &laws);
-    pair_step(&k, 1.0, lighter, h, &m.qp, &m.vp, &laws);
-    return m;
-}
-
-/* a step, cut where one law ends and another begins */
-static double cut_step(const Coupling *k, double push, double lighter, double h, double *apart, double *closing) {
-    int laws = 0, n;
-    double q = *apart, v = *closing, mean = pair_step(k, push, lighter, h, &q, &v, &laws);
-    if (laws & (laws - 1)) {
-        q = *apart, v = *closing, mean = 0.0;
-        for (n = 0; n < PARTS; n++) mean += pair_step(k, push, lighter, h / PARTS, &q, &v, &laws) / PARTS;
-    }
-    *apart = q, *closing = v;
-    return mean;
 }
 
 /* out = mean acceleration of the load per interval; push = acceleration of a free motor, constant in each interval */
@@ -378,29 +383,18 @@ static PyObject *driven_rows(PyObject *module, PyObject *args) {
     PyObject *objects[2];
     Columns c;
     Coupling k;
-    double interval, own, apart = 0.0, closing = 0.0;
-    Py_ssize_t i, j, steps;
+    double interval, own, apart, closing = 0.0;
+    Py_ssize_t i, steps;
     (void)module;
-    if (!PyArg_ParseTuple(args, "O(dddd)ddnO", &objects[0], &k.square, &k.drag, &k.half_gap, &k.rate, &own, &interval,
-                          &steps, &objects[1])) return NULL;
+    if (!PyArg_ParseTuple(args, "O(dddd)ddndO", &objects[0], &k.square, &k.drag, &k.half_gap, &k.rate, &own,
+                          &interval, &steps, &apart, &objects[1])) return NULL;
     if (open_columns(&c, objects, 2)) return NULL;
-    k.fade = 1.0 / (FULL_DAMPING * k.half_gap);
     {
         const double *push = c.view[0].buf;
         double *out = c.view[1].buf;
-        const double h = interval / (double)steps, lighter = 1.0 / own, rate = own / interval, often = own / h;
-        const Map once = linear_pair(k, lighter, h), all = repeated(&once, steps);
+        const Clock clock = clock_of(&k, interval, 1.0 / own, steps);
         Py_BEGIN_ALLOW_THREADS
-        for (i = 0; i < c.rows; i++) {
-            double sum = 0.0, mean;
-            if (by_one_law(&k, &all, push[i], lighter, interval, rate, &apart, &closing, &out[i])) continue;
-            for (j = 0; j < steps; j++) {
-                if (!by_one_law(&k, &once, push[i], lighter, h, often, &apart, &closing, &mean))
-                    mean = cut_step(&k, push[i], lighter, h, &apart, &closing);
-                sum += mean;
-            }
-            out[i] = sum / (double)steps;
-        }
+        for (i = 0; i < c.rows; i++) out[i] = mean_over(&k, &clock, push[i], &apart, &closing);
         Py_END_ALLOW_THREADS
     }
     close_columns(&c);
@@ -413,7 +407,7 @@ static PyMethodDef methods[] = {
     {"bouc_wen", bouc_wen, METH_VARARGS, "bouc_wen(moved, exponent, unloading, before, out) -> the last state"},
     {"load", load_rows, METH_VARARGS, "load(position, velocity, interval, coupling, state, out) -> state"},
     {"load_row", load_row, METH_VARARGS, "load_row(position, velocity, interval, coupling, state) -> (mean, state)"},
-    {"driven", driven_rows, METH_VARARGS, "driven(push, coupling, own, interval, steps, out)"},
+    {"driven", driven_rows, METH_VARARGS, "driven(push, coupling, own, interval, steps, apart, out)"},
     {NULL, NULL, 0, NULL},
 };
 

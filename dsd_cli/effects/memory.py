@@ -18,15 +18,14 @@ from dsd_cli.signals.log import Array
 #: The compiled module, or None where the build had no compiler.
 COMPILED = compiled_module("dsd_cli.effects._memory", "load_row")
 
-#: How deep in contact the damping is fully there, as a share of gap/2. It fades in, so that the force is continuous: a
-#: jump would be at another instant for every step length.
-FULL_DAMPING = 0.1
-#: Runge-Kutta steps of the load are at most this long, in radians of its own oscillation.
+#: Steps of the load are at most this long, in radians of its own oscillation.
 STEP = 0.2
-#: And with a gap; a step within which a contact begins or ends is cut into so many.
-STEP_WITH_GAP, PARTS = 0.1, 8
+#: Beginnings and ends of contacts that are found in a step: a contact lasts longer than one, a touch need not.
+EVENTS = 6
 #: And no interval is cut into more steps than this.
 MOST_STEPS = 10_000
+#: Share of the rms acceleration of a load by which two that began apart may differ and move alike.
+ALIKE = 0.01
 
 
 def one_pole(keep: Array, add: Array, before: float, compiled: Any = COMPILED) -> Array:
@@ -47,11 +46,34 @@ def before_each(values: Array, before: float) -> Array:
     return np.concatenate([[before], values[:-1]])
 
 
+def rises(value: Any, rate: Any, bend: Any, most: Any) -> Any:
+    """When value + rate s + bend s^2 / 2 next rises through 0; `most` if it does not until then."""
+    square = rate * rate - 2.0 * bend * value
+    if square < 0.0:
+        return most
+    root = np.sqrt(square)
+    if rate > 0.0:
+        at = -2.0 * value / (rate + root)
+    elif bend == 0.0:
+        return most
+    else:
+        at = (root - rate) / bend
+    return at if 0.0 <= at < most else most
+
+
 class Coupling(NamedTuple):
-    """Spring and damper between motor and load, per inertia of the load.
+    """Spring and damper between motor and load, per inertia of the load; with play a contact pushes and never pulls.
 
     square : wa^2, rad2/s2. drag : 2 zeta wa, rad/s. half_gap : rad or m that the load may be off without a force.
     rate : wa, rad/s, the load's own frequency while the motor is held.
+
+    A contact is the spring and the damper at once (Kelvin and Voigt), so that a load bounces with the same restitution
+    however fast it comes: the force jumps when a contact begins, and is 0 where it ends. Motion is solved from one such
+    instant to the next. Motor less load is `apart`, its rate `closing`, and
+
+        closing' = push - lighter pull(apart, closing)
+
+    with a push that is constant on the way: the acceleration of the motor, for a load behind it (lighter 1).
     """
 
     square: float
@@ -75,72 +97,92 @@ class Coupling(NamedTuple):
         }
 
     def pull(self, apart: float, closing: float) -> float:
-        """Acceleration of the load; apart = motor less load, closing = its rate. A contact pushes and never pulls."""
+        """Acceleration of the load."""
         if self.half_gap == 0.0:
             return self.square * apart + self.drag * closing
-        if apart > self.half_gap:
-            return self._contact(apart - self.half_gap, closing)
-        if apart < -self.half_gap:
-            return -self._contact(-apart - self.half_gap, -closing)
-        return 0.0
+        side = self.side(apart, closing)
+        return self.square * (apart - side * self.half_gap) + self.drag * closing if side != 0.0 else 0.0
 
-    def regime(self, apart: float, closing: float) -> int:
-        """The law that holds: 0 no force, +-1 the damping fades in, +-2 it is fully there; the sign is the flank."""
-        depth = abs(apart) - self.half_gap
-        if self.half_gap == 0.0 or depth <= 0.0 or self.pull(apart, closing) == 0.0:
-            return 0
-        return (1 if apart > 0.0 else -1) * (1 if depth < FULL_DAMPING * self.half_gap else 2)
-
-    def _contact(self, depth: float, closing: float) -> float:
-        share = depth * (1.0 / (FULL_DAMPING * self.half_gap))
-        return max(self.square * depth + self.drag * closing * (share if share < 1.0 else 1.0), 0.0)
+    def side(self, apart: float, closing: float) -> float:
+        """The flank that pushes, 1 or -1; 0: none."""
+        flank = -1.0 if apart < 0.0 else 1.0
+        depth = flank * apart - self.half_gap
+        return flank if depth >= 0.0 and self.square * depth + self.drag * flank * closing > 0.0 else 0.0
 
     def steps(self, interval: float) -> int:
-        """Runge-Kutta steps of the load in an interval of s."""
-        longest = STEP_WITH_GAP if self.half_gap > 0.0 else STEP
-        return min(max(math.ceil(self.rate * interval / longest), 1), MOST_STEPS)
+        """Steps of the load in an interval of s."""
+        return min(max(math.ceil(self.rate * interval / STEP), 1), MOST_STEPS)
 
-    def repeated(self, count: int, body: Callable[..., tuple[float, float]], q: float, v: float) -> tuple[float, float]:
-        """(q, v) after `body(i, q, v)` for i = 0, 1, ...: the one loop, so that an export has it as a loop, too."""
+    def repeated(self, count: int, body: Callable[..., tuple[Any, ...]], *start: Any) -> tuple[Any, ...]:
+        """`values = body(i, *values)` for i = 0, 1, ...: the one loop, so that an export has it as a loop, too."""
         for i in range(count):
-            q, v = body(i, q, v)
-        return q, v
+            start = body(i, *start)
+        return start
 
-    def over(self, motor: Motor, s: float, h: float, q: float, v: float) -> tuple[float, float]:
-        """Position and speed of the load h after s; a step within which the law changes is cut."""
-        q_end, v_end, smooth = self.step(motor, s, h, q, v)
-        if smooth:
-            return q_end, v_end
-        part = h / PARTS
-        return self.repeated(PARTS, lambda j, q, v: self.step(motor, s + j * h / PARTS, part, q, v)[:2], q, v)
+    def over(self, push: float, lighter: float, h: float, apart: float, closing: float) -> tuple[float, float, float]:
+        """(apart, closing, what contact took from closing) h later, for h of at most `STEP`."""
+        if self.half_gap == 0.0:
+            q, v = self.swung(push, lighter, h, apart, closing)
+            return q, v, push * h - (v - closing)
 
-    def step(self, motor: Motor, s: float, h: float, q: float, v: float) -> tuple[float, float, bool]:
-        """(position, speed) of the load h later, and whether one law of the coupling holds throughout."""
-        laws, plays = [], self.half_gap > 0.0
+        def body(i: Any, side: Any, left: Any, q: Any, v: Any, taken: Any) -> tuple[Any, ...]:
+            return self.until_event(push, lighter, side, left, q, v, taken)
 
-        def pull(s: float, position: float, speed: float) -> float:
-            place, rate = motor.at(s)
-            if plays:
-                laws.append(self.regime(place - position, rate - speed))
-            return self.pull(place - position, rate - speed)
+        side = self.side(apart, closing)
+        _, left, q, v, taken = self.repeated(EVENTS, body, side, h, apart, closing, 0.0)
+        return q + left * (v + 0.5 * left * push), v + left * push, taken
 
-        a1 = pull(s, q, v)
-        v2 = v + 0.5 * h * a1
-        a2 = pull(s + 0.5 * h, q + 0.5 * h * v, v2)
-        v3 = v + 0.5 * h * a2
-        a3 = pull(s + 0.5 * h, q + 0.5 * h * v2, v3)
-        v4 = v + h * a3
-        a4 = pull(s + h, q + h * v3, v4)
-        q = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
-        v = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-        if not plays:
-            return q, v, True
-        pull(s + h, q, v)
-        return q, v, self.alike(laws)
+    def until_event(
+        self, push: float, lighter: float, side: float, left: float, q: float, v: float, taken: float
+    ) -> tuple[float, float, float, float, float]:
+        """(flank that pushes, s left, apart, closing, taken) when a contact begins or ends, or no time is left."""
+        if left <= 0.0:
+            return side, left, q, v, taken
+        if side == 0.0:
+            side, s = self.touches(push, left, q, v)
+            return side, left - s, q + s * (v + 0.5 * s * push), v + s * push, taken
+        s = self.leaves(side * push, lighter, left, side * q - self.half_gap, side * v)
+        depth, w = self.swung(side * push, lighter, s, side * q - self.half_gap, side * v)
+        after = side * w
+        return (
+            side if s >= left else 0.0,
+            left - s,
+            side * (depth + self.half_gap),
+            after,
+            taken + push * s - (after - v),
+        )
 
-    def alike(self, laws: list[int]) -> bool:
-        """Whether all of them are one."""
-        return all(law == laws[0] for law in laws)
+    def touches(self, push: float, left: float, q: float, v: float) -> tuple[float, float]:
+        """(flank that pushes next, when) of a load that is off; 0 if none does in what is left."""
+        flank = -1.0 if q < 0.0 else 1.0
+        depth, w, p = flank * q - self.half_gap, flank * v, flank * push
+        near, far = rises(depth, w, p, left), rises(-depth - 2.0 * self.half_gap, -w, -p, left)
+        if depth >= 0.0:  # it leaves, and may be pushed again before it is out
+            again = rises(self.square * depth + self.drag * w, self.square * w + self.drag * p, self.square * p, left)
+            if again < near and depth + again * (w + 0.5 * again * p) >= 0.0:
+                near = again
+        if near < far:
+            return flank, near
+        return (-flank if far < left else 0.0), far
+
+    def leaves(self, push: float, lighter: float, left: float, depth: float, w: float) -> float:
+        """When a contact ends; `left` if it does not until then. Where it ends the force is 0, and a parabola does."""
+        last, speed = self.swung(push, lighter, left, depth, w)
+        force, after = self.square * depth + self.drag * w, self.square * last + self.drag * speed
+        if after >= 0.0:
+            return left
+        rate = self.square * w + self.drag * (push - lighter * force)
+        found: float = rises(-force, -rate, 2.0 * (force + rate * left - after) / (left * left), left)
+        return found
+
+    def swung(self, push: float, lighter: float, h: float, q: float, v: float) -> tuple[float, float]:
+        """(apart, closing) h later on spring and damper: the fourth order of Taylor, which Runge-Kutta's is, too."""
+        a = push - lighter * (self.square * q + self.drag * v)
+        b = -lighter * (self.square * v + self.drag * a)
+        c = -lighter * (self.square * a + self.drag * b)
+        d = -lighter * (self.square * b + self.drag * c)
+        place = q + h * (v + h / 2.0 * (a + h / 3.0 * (b + h / 4.0 * c)))
+        return place, v + h * (a + h / 2.0 * (b + h / 3.0 * (c + h / 4.0 * d)))
 
 
 class Load(NamedTuple):
@@ -150,21 +192,6 @@ class Load(NamedTuple):
     velocity: float
     motor_velocity: float
     interval: float
-
-
-class Motor(NamedTuple):
-    """Motion of the motor in an interval of s in [0, T]: mean of its end positions, mean speed, acceleration."""
-
-    position: float
-    velocity: float
-    slope: float
-    interval: float
-
-    def at(self, s: float) -> tuple[float, float]:
-        """(position, speed)."""
-        since = s - 0.5 * self.interval
-        position = self.position + self.velocity * since + 0.5 * self.slope * s * (s - self.interval)
-        return position, self.velocity + self.slope * since
 
 
 def load_acceleration(
@@ -204,25 +231,43 @@ def _load_row(
     if interval == 0.0:
         return coupling.pull(position - state.position, velocity - state.velocity), state
     slope = (velocity - state.motor_velocity) / (0.5 * (interval + state.interval))
-    q, v = _run(coupling, Motor(position, velocity, slope, interval), state.position, state.velocity)
-    return (v - state.velocity) / interval, Load(q, v, velocity, interval)
+    apart = position - 0.5 * interval * velocity - state.position
+    closing = velocity - 0.5 * interval * slope - state.velocity
+    apart, _, taken = _over(coupling, slope, 1.0, interval, coupling.steps(interval), apart, closing)
+    after = Load(position + 0.5 * interval * velocity - apart, state.velocity + taken, velocity, interval)
+    return taken / interval, after
 
 
-def _run(coupling: Coupling, motor: Motor, q: float, v: float) -> tuple[float, float]:
-    """Position and speed of the load after the interval, by classical Runge-Kutta steps."""
-    steps = coupling.steps(motor.interval)
-    h = motor.interval / steps
-    q, v = coupling.repeated(steps, lambda i, q, v: coupling.over(motor, i * h, h, q, v), q, v)
-    return q, v
+def _over(
+    coupling: Coupling, push: float, lighter: float, interval: float, steps: int, apart: float, closing: float
+) -> tuple[float, float, float]:
+    """As `Coupling.over`, in steps."""
+    h = interval / steps
+
+    def body(i: Any, q: Any, v: Any, taken: Any) -> tuple[Any, ...]:
+        q, v, more = coupling.over(push, lighter, h, q, v)
+        return q, v, taken + more
+
+    apart, closing, taken = coupling.repeated(steps, body, apart, closing, 0.0)
+    return apart, closing, taken
 
 
-def driven_motor(push: Array, interval: float, coupling: Coupling, share: float, step: float) -> Array:
+def driven_motor(push: Array, interval: float, coupling: Coupling, share: float) -> Array:
     """Mean acceleration of the motor per interval, s_m J a = F - (1 - s_m) J a_l; parameters as `driven_load`."""
-    return np.asarray(push - share / (1.0 - share) * driven_load(push, interval, coupling, share, step))
+    return np.asarray(push - share / (1.0 - share) * driven_load(push, interval, coupling, share))
+
+
+def forgotten(push: Array, interval: float, coupling: Coupling, share: float) -> int:
+    """Intervals after which a load with play moves alike from either flank and from between them: where it began, which
+    nobody knows, it has forgotten; parameters as `driven_load`."""
+    begun = (0.0, coupling.half_gap, -coupling.half_gap)
+    here, *others = (driven_load(push, interval, coupling, share, x) for x in begun)
+    unlike = np.max(np.abs(np.subtract(others, here)), axis=0) > ALIKE * np.sqrt(np.mean(here**2))
+    return int(np.max(np.flatnonzero(unlike), initial=-1)) + 1
 
 
 def driven_load(
-    push: Array, interval: float, coupling: Coupling, share: float, step: float, compiled: Any = COMPILED
+    push: Array, interval: float, coupling: Coupling, share: float, apart: float = 0.0, compiled: Any = COMPILED
 ) -> Array:
     """Mean acceleration of the load per interval where a force drives the motor: two masses, no sensor, from rest.
 
@@ -231,47 +276,17 @@ def driven_load(
     Parameters
     ----------
     push : F / (s_m J), what the motor would do alone, constant in each interval, shape (n,), of equal intervals in s.
-    share : the load's, of the inertia J of both. step : longest Runge-Kutta step, radians of the free vibration; one
-        within which a contact begins or ends is cut.
+    share : the load's, of the inertia J of both. apart : motor less load at the begin, at which both rest.
     """
     own = 1.0 - share
-    steps = min(max(math.ceil(coupling.rate / math.sqrt(own) * interval / step), 1), MOST_STEPS)
+    steps = coupling.steps(interval / math.sqrt(own))  # of the free vibration, which is quicker than the load's own
     push = np.ascontiguousarray(push, dtype=np.float64)
     out = np.empty_like(push)
     if compiled is not None:
-        compiled.driven(push, tuple(coupling), own, interval, steps, out)
+        compiled.driven(push, tuple(coupling), own, interval, steps, apart, out)
         return out
-    h, lighter, apart, closing = interval / steps, 1.0 / own, 0.0, 0.0
+    lighter, closing = 1.0 / own, 0.0
     for k, f in enumerate(push.tolist()):
-        total = 0.0
-        for _ in range(steps):
-            q, v, mean, smooth = _pair_step(coupling, f, lighter, h, apart, closing)
-            if not smooth:
-                q, v, mean = apart, closing, 0.0
-                for _ in range(PARTS):
-                    q, v, part, _ = _pair_step(coupling, f, lighter, h / PARTS, q, v)
-                    mean += part / PARTS
-            apart, closing, total = q, v, total + mean
-        out[k] = total / steps
+        apart, closing, taken = _over(coupling, f, lighter, interval, steps, apart, closing)
+        out[k] = taken / (lighter * interval)
     return out
-
-
-def _pair_step(
-    coupling: Coupling, push: float, lighter: float, h: float, q: float, v: float
-) -> tuple[float, float, float, bool]:
-    """(motor less load, its rate, mean pull on the way, whether one law of the coupling holds throughout)."""
-    p1 = coupling.pull(q, v)
-    a1 = push - p1 * lighter
-    q2, v2 = q + 0.5 * h * v, v + 0.5 * h * a1
-    p2 = coupling.pull(q2, v2)
-    a2 = push - p2 * lighter
-    q3, v3 = q + 0.5 * h * v2, v + 0.5 * h * a2
-    p3 = coupling.pull(q3, v3)
-    a3 = push - p3 * lighter
-    q4, v4 = q + h * v3, v + h * a3
-    p4 = coupling.pull(q4, v4)
-    a4 = push - p4 * lighter
-    laws = {coupling.regime(*at) for at in ((q, v), (q2, v2), (q3, v3), (q4, v4))}
-    q = q + h / 6.0 * (v + 2.0 * v2 + 2.0 * v3 + v4)
-    v = v + h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
-    return q, v, (p1 + 2.0 * p2 + 2.0 * p3 + p4) / 6.0, len(laws) == 1

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from dsd_cli.effects import Channels, Role
-from dsd_cli.effects.memory import Coupling, Motor, load_acceleration
+from dsd_cli.effects.memory import Coupling, load_acceleration
 from dsd_cli.export import numpy_names as _numpy_names  # noqa: F401 (NumPy's functions take symbols from now on)
 from dsd_cli.export.base import Joint
 from dsd_cli.export.expression import Expression, Refused, number, symbol
@@ -46,29 +46,21 @@ class _Spring(Coupling):
     def pull(self, apart: Any, closing: Any) -> Any:
         return self._once(Coupling.pull, apart, closing)
 
-    def regime(self, apart: Any, closing: Any) -> Any:
-        return self._once(Coupling.regime, apart, closing)
+    def side(self, apart: Any, closing: Any) -> Any:
+        return self._once(Coupling.side, apart, closing)
+
+    def touches(self, push: Any, left: Any, q: Any, v: Any) -> Any:
+        return self._once(Coupling.touches, push, left, q, v)
+
+    def leaves(self, push: Any, lighter: Any, left: Any, depth: Any, w: Any) -> Any:
+        return self._once(Coupling.leaves, push, lighter, left, depth, w)
 
     def steps(self, interval: Any) -> int:
         """One where the interval is a substep of the plant: they are shorter than a step of the load may be."""
         return 1 if isinstance(interval, Expression) else super().steps(interval)
 
-    def repeated(self, count: int, body: Callable[..., tuple[Any, ...]], q: Any, v: Any) -> Any:
-        return repeat(count, body, q, v)
-
-    def over(self, motor: Motor, s: Any, h: Any, q: Any, v: Any) -> Any:
-        return merged(lambda: Coupling.over(self, motor, s, h, q, v))
-
-    def alike(self, laws: list[Any]) -> Any:
-        """By one number, which is 0 then: no law is asked for only if those before it are alike."""
-        return sum((abs(number(law) - laws[0]) for law in laws[1:]), number(0.0)) == 0.0
-
-    def step(self, motor: Motor, s: Any, h: Any, q: Any, v: Any) -> Any:
-        return self._once(_spring_step, s, h, q, v, *motor)
-
-
-def _spring_step(spring: _Spring, s: Any, h: Any, q: Any, v: Any, *motor: Any) -> Any:
-    return Coupling.step(spring, Motor(*motor), s, h, q, v)
+    def repeated(self, count: int, body: Callable[..., tuple[Any, ...]], *start: Any) -> tuple[Any, ...]:
+        return repeat(count, body, *start)
 
 
 @dataclass(frozen=True)

@@ -76,7 +76,7 @@ def test_no_play_where_the_axis_is_rigid_or_a_load_swings():
     rigid = contacts_of(pushes(push, np.cumsum(push) * STEP / 0.01, 3), 0.01)
     assert not rigid or rigid[0].off > POLICY.play_off
     for hz in (8.0, 25.0):
-        a = driven_motor(push / 0.006, STEP, Coupling.of(hz, 0.05), 0.4, 0.1)
+        a = driven_motor(push / 0.006, STEP, Coupling.of(hz, 0.05), 0.4)
         found = contacts_of(pushes(push, np.cumsum(a) * STEP, 3), 0.01)
         assert not found or found[0].off > POLICY.play_off
 
@@ -152,10 +152,11 @@ def test_a_long_log_takes_little_memory():
     assert most < 40e6
 
 
-def asked(gap: float, hidden: float, effects: tuple[str, ...]) -> tuple[Diagnosis, Masses, float]:
-    """What is said of a log whose model has the play with `gap` times its true value, and the amplitude of a force of
-    10 Hz that it does not have, `hidden` times the spread of u."""
+def asked(gap: float, hidden: float, effects: tuple[str, ...], rows: int = 15_000) -> tuple[Diagnosis, Masses, float]:
+    """What is said of a log whose model has the play with `gap` times its true value (none of 0), and the amplitude of
+    a force of 10 Hz that it does not have, `hidden` times the spread of u."""
     masses, push, _, _ = rattling(12)
+    push = push[:rows]
     amplitude, time = hidden * float(np.std(push)), STEP * np.arange(len(push))
     ends = run(masses, push + amplitude * np.sin(2.0 * math.pi * 10.0 * time), STEP)
     position, speed, _ = np.concatenate([np.zeros((3, 1)), ends], axis=1)[:, :-1]  # u acts from its row on
@@ -167,7 +168,7 @@ def asked(gap: float, hidden: float, effects: tuple[str, ...]) -> tuple[Diagnosi
     log = Log(
         {"t": time, "u": push, "velocity": speed, "position": COUNT * np.round(position / COUNT)}, STEP, "log.csv"
     )
-    model = PlantModel(both, 0.0, {"backlash": play})
+    model = PlantModel(both, 0.0, {"backlash": play} if gap > 0.0 else {})
     return diagnose([prepare(log, observer)], model, observer, Settings(effects)), masses, amplitude
 
 
@@ -188,3 +189,13 @@ def test_a_force_that_is_missing_beside_a_play_has_its_size():
         masses.load / (masses.motor + masses.load)
     )
     assert all(abs(r) <= 1.0 for *_, r in found.refitted_correlations)
+
+
+def test_a_load_that_no_simulation_follows_is_named_by_its_contacts():
+    """Hard impacts, of a restitution that no spring and damper of the catalogue has."""
+    found, masses, _ = asked(0.0, 0.0, ("backlash",), 6000)
+    named = found.ranking[0]
+    assert (found.verdict, found.found) == ("backlash", ("backlash",))
+    assert "contacts lie on both flanks" in named.note
+    assert named.parameters["gap"].value == pytest.approx(masses.gap, rel=0.05)
+    assert named.parameters["load_share"].value == pytest.approx(masses.load / (masses.motor + masses.load), rel=0.05)

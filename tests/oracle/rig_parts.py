@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 from tests.oracle.rig_cases import Values
 
-#: Damping ratio of a contact with play, and how deep (share of half the gap) it is fully there: the catalogue's.
-CONTACT_DAMPING, CONTACT_DEPTH = 0.3, 0.1
+#: Damping ratio of a contact with play: the catalogue's.
+CONTACT_DAMPING = 0.3
 
 
 class Direct:
@@ -115,11 +115,10 @@ def _loose(p: Values, inertia: float) -> Load:
 
     def pull(apart: float, closing: float) -> float:
         depth = abs(apart) - half
-        if depth <= 0.0:
+        if depth < 0.0:
             return 0.0
         toward = closing if apart > 0.0 else -closing
-        push = square * depth + drag * toward * min(depth / (CONTACT_DEPTH * half), 1.0)
-        return math.copysign(max(push, 0.0), apart)
+        return math.copysign(max(square * depth + drag * toward, 0.0), apart)
 
     return Load(p["load_share"], pull)
 

@@ -1,7 +1,8 @@
 """The machines of the outside rig, integrated one at a time in plain floats by classical Runge-Kutta steps.
 
 Dry friction is an event: a step that would turn the speed round ends where it is zero, and from there the axis sticks
-or slides.
+or slides. So is the beginning of a contact, where the force of its damper is there at once: a step of a load that is
+off ends where it meets the flank.
 """
 
 import math
@@ -50,7 +51,8 @@ class Plant:
         self.sliding = 0  # direction in which dry friction lets the axis slide; 0 holds it
         rigid = not (self.load or self.inner or self.swing)
         self.rates = self._rigid_rates() if rigid else self._rates()
-        self._step = self._rigid_step if rigid else self._full_step
+        self.off = False  # the load is within its play, whatever a stage of a step says
+        self._step = self._rigid_step if rigid else self._full_step if self.gap is None else self._play_step
 
     def place(self, q: float) -> None:
         """At rest at q, the load beside the motor."""
@@ -92,7 +94,7 @@ class Plant:
             if sliding:
                 for level in budgets:
                     force -= sliding * level(t, q, v, u)
-            pulled = pull(q - ql, v - vl) if pull else 0.0
+            pulled = pull(q - ql, v - vl) if pull and not self.off else 0.0
             built_up = inner(z, v) if inner else 0.0
             if swing is None:
                 return v, (force - of_load * pulled) / constant, vl, pulled, built_up
@@ -142,6 +144,11 @@ class Plant:
         q, _, ql, vl, z = self.state
         if self.load is None:
             return q, 0.0, ql, vl, z
+        if self.gap is not None and abs(q - ql) < 0.5 * self.gap:
+            met = q + math.copysign(0.5 * self.gap, vl)
+            if abs(vl) * h <= abs(met - ql):
+                return q, 0.0, ql + h * vl, vl, z
+            h, ql = h - (met - ql) / vl, math.nextafter(met, math.copysign(math.inf, vl))
         pull = self.load.pull
         a1 = pull(q - ql, -vl)
         a2 = pull(q - ql - 0.5 * h * vl, -(vl + 0.5 * h * a1))
@@ -172,6 +179,44 @@ class Plant:
         # A push that ends with this step acts until its end.
         a4 = accelerate(t + h - TINY, q + h * v3, v + h * a3, end, sliding)
         return q + h * (v + h / 6.0 * (a1 + a2 + a3)), v + h / 6.0 * (a1 + 2.0 * (a2 + a3) + a4), ql, vl, z
+
+    def _play_step(self, t: float, h: float, u: tuple[float, float, float], sliding: int) -> State:
+        """As `_full_step`; where the load meets its flank is found by false position, from beyond it."""
+        if self._depth(self.state) >= 0.0:
+            return self._full_step(t, h, u, sliding)
+
+        def until(part: float) -> tuple[float, State]:
+            here = u[0] + part * (u[2] - u[0])
+            after = self._full_step(t, part * h, (u[0], 0.5 * (u[0] + here), here), sliding)
+            return self._depth(after), after
+
+        self.off = True
+        low, below, high = 0.0, self._depth(self.state), 1.0
+        above, met = until(high)
+        if above >= 0.0:
+            for _ in range(60):
+                if high - low < 1e-13 or above == 0.0:
+                    break
+                part = low - below * (high - low) / (above - below)
+                part = min(max(part, low + 1e-3 * (high - low)), high - 1e-3 * (high - low))
+                depth, after = until(part)
+                if depth >= 0.0:
+                    high, above, met = part, depth, after
+                else:
+                    low, below = part, depth
+        self.off = False
+        if above < 0.0:
+            return met
+        before, self.state = self.state, met
+        here = u[0] + high * (u[2] - u[0])
+        left = (1.0 - high) * h
+        after = self._full_step(t + high * h, left, (here, 0.5 * (here + u[2]), u[2]), sliding)
+        self.state = before
+        return after
+
+    def _depth(self, state: State) -> float:
+        """How far in contact; below 0: off."""
+        return abs(state[0] - state[2]) - 0.5 * self.gap
 
     def _full_step(self, t: float, h: float, u: tuple[float, float, float], sliding: int) -> State:
         rates, half = self.rates, 0.5 * h

@@ -69,11 +69,12 @@ def with_driven_load(
     best, left = measured.recordings, _left(measured, model)
     floor = POLICY.floor_factor * model.inertia * math.sqrt(sensor_variance(measured, sure=False))
     for channels_of in (_simulated, _by_contacts)[: 1 + (contacts and one_sensor(measured))]:
-        if best is not measured.recordings and left < floor**2:  # followed, and all rows count
+        if channels_of is _by_contacts and left < floor**2:  # followed, and all rows count
             break
         if channels := channels_of(forces, motor, model.inertia, coupling):
-            moved = equations_of(_with(measured, channels, (term.id, share)), startup, measured.bands)
-            rest = _left(moved, model) if np.mean(moved.kept) > POLICY.least_moving else math.inf
+            moved = equations_of(_with(measured, channels, (term.id, share, coupling)), startup, measured.bands)
+            known = len(moved.kept) > len(measured.kept) // 2  # else it remembers too long where it began
+            rest = _left(moved, model) if known and np.mean(moved.kept) > POLICY.least_moving else math.inf
             if rest < POLICY.driven_gain**2 * left:
                 best, left = moved.recordings, rest
     return best
@@ -97,7 +98,7 @@ def one_sensor(equations: Equations) -> bool:
 
 
 def _with(
-    equations: Equations, by_stretch: Sequence[dict[str, Array]], pushed: tuple[str, float]
+    equations: Equations, by_stretch: Sequence[dict[str, Array]], pushed: tuple[str, float, Coupling]
 ) -> tuple[Recording, ...]:
     """The recordings with more channels."""
     by_piece = {id(s.log): x for s, x in zip(equations.stretches, by_stretch, strict=True)}

@@ -71,8 +71,14 @@ class Equations:
     @cached_property
     def centres(self) -> list[NDArray[np.int_]]:
         """Samples at which the rows of each stretch stand."""
-        by_stretch = zip(self.stretches, self.bands_of_stretches, strict=True)
-        return [band.centres(self.startup, len(s.log)) for s, band in by_stretch]
+        by_stretch = zip(self.stretches, self.bands_of_stretches, self.begins, strict=True)
+        return [band.centres(begin, len(s.log)) for s, band, begin in by_stretch]
+
+    @cached_property
+    def begins(self) -> list[int]:
+        """Sample of each stretch at which its rows begin: not before `startup`, nor while its load is anywhere."""
+        pairs = zip(self.stretches, self.bands_of_stretches, strict=True)
+        return [max(self.startup, min(s.begin, len(s.log) - len(b.taps) - 2 * b.step)) for s, b in pairs]
 
     @property
     def row_times(self) -> list[float]:
@@ -95,8 +101,8 @@ class Equations:
 
     def plain(self, by_stretch: Sequence[Array]) -> Array:
         """Averaged forces of every stretch -> rows in the unit of u, joined."""
-        pairs = zip(by_stretch, self.bands_of_stretches, strict=True)
-        return _joined([band.rows(x, self.startup) for x, band in pairs])
+        pairs = zip(by_stretch, self.bands_of_stretches, self.begins, strict=True)
+        return _joined([band.rows(x, begin) for x, band, begin in pairs])
 
     def acting(self, raw: Sequence[Array], smooth: bool, held: bool) -> Array:
         """Forces per interval of every stretch -> rows in the unit of u; see `Stretch.acting`."""

@@ -209,7 +209,7 @@ def uncertain(equations: Equations, creeping: bool = True, resting: bool = True)
     what holds it, anything between its levels to either side. A turn only passes through such speeds.
     """
     shares = []
-    for s, owner in zip(equations.stretches, equations.owners, strict=True):
+    for s, owner, begin in zip(equations.stretches, equations.owners, equations.begins, strict=True):
         band, white = equations.bands[owner], np.abs(equations.whitening[owner])
         taps, a_row = np.abs(band.taps), 2 * band.step + 1
         band = replace(band, taps=taps / taps.sum())
@@ -221,7 +221,7 @@ def uncertain(equations: Equations, creeping: bool = True, resting: bool = True)
         if min((end - start for start, end in runs(halo)), default=0) <= a_row:
             doubt |= halo
         reach = len(white) // 2
-        rows = np.pad(band.rows(doubt.astype(np.float64), equations.startup), reach, mode="edge")
+        rows = np.pad(band.rows(doubt.astype(np.float64), begin), reach, mode="edge")
         shares.append(np.convolve(rows, white / white.sum(), mode="valid"))
     return np.concatenate(shares)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dsd_cli.effects import Channels, Effect, Role, Shape
-from dsd_cli.effects.memory import driven_load
+from dsd_cli.effects.memory import Coupling, driven_load, forgotten
 from dsd_cli.identify.fit.pushes import SensorMotion
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
@@ -71,8 +71,6 @@ def _stays(speed: Array, limits: Array, usual: float) -> bool:
     return slope * len(speed) <= POLICY.resting_share * limit or slope <= POLICY.resting_slope * usual
 
 
-#: Longest Runge-Kutta step of a load that a force drives, radians of the free vibration.
-_STEP = 0.1
 #: Standard deviations of the speed's noise beyond which the direction is certain.
 _CERTAIN = 4.0
 #: Value in the middle of the interval between the inner two of four samples (exact for cubics).
@@ -120,14 +118,15 @@ class Stretch:
     measured: Array
     two_intervals: bool
     stepping: bool
-    pushed: tuple[str, float] | None
+    pushed: tuple[str, float, Coupling] | None
     levels: tuple[tuple[str, int, float], ...]
     owner: int
     noisy: bool = False
 
     @cached_property
-    def _whole(self) -> bool:
-        return bool(np.all(self.clear == 1.0))
+    def begin(self) -> int:
+        """Samples in which nobody knows where a load is that a force drives."""
+        return 0 if self.pushed is None else forgotten(self.log["push"], self.log.sample_time, *self.pushed[2:0:-1])
 
     @cached_property
     def answer(self) -> FeedbackNoise:
@@ -160,7 +159,7 @@ class Stretch:
         """Regressor of each coefficient of an effect, mean per interval under that delayed u; minus the unit force."""
         pushed, log = self.pushed, self.log
         if pushed is not None and pushed[0] == effect.id and effect.coupling is not None:  # see `fit.driven_load`
-            return [driven_load(log["push"], log.sample_time, effect.coupling(shape), pushed[1], _STEP)]
+            return [driven_load(log["push"], log.sample_time, effect.coupling(shape), pushed[1])]
         found, _ = effect.run(self.channels(u, effect), shape)
         columns = [np.broadcast_to(c, len(u)) for c in found]
         if effect.role is Role.FRICTION:
@@ -213,7 +212,7 @@ class Stretch:
         if not self.two_intervals:
             return x * self.clear
         found = passed(x, MEAN_OF_FOUR, 1) if smooth else passed(x, _HALVES, 0)
-        return found if self._whole else found * self.clear
+        return found * self.clear
 
 
 def stretch_of(log: Log, recording: Recording, owner: int) -> Stretch:
@@ -272,8 +271,3 @@ def direction(speed: Array, noise: Array) -> Array:
 def finite(x: Array) -> Array:
     """0 for NaN; x itself where there is none, which is quicker to see than to mend."""
     return x if bool(np.isfinite(x).all()) else np.nan_to_num(x)
-
-
-def mean_of_middles(x: Array) -> Array:
-    """Mean over each interval of a smooth function, from its values in the middle of the intervals."""
-    return passed(x, _MEAN_OF_MIDDLES, 1)

@@ -15,6 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from dsd_cli.effects.memory import Coupling
 from dsd_cli.errors import DataError, TooShort
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.reconstruction import drift
@@ -44,8 +45,8 @@ class Recording:
         from velocity" (d_hat).
     missing : channel -> why it cannot be had.
     rest_speed : speed up to which the plant may be at rest, as far as the measurement can show.
-    pushed : (effect, share of the inertia) of the load that "push" of the pieces drives (`fit.driven_load`); None where
-        the motion drives every load. levels : (effect, column, coefficient) of forces that act in this log alone.
+    pushed : (effect, share of the inertia, coupling) of the load that "push" of the pieces drives (`fit.driven_load`);
+        None where the motion drives every load. levels : (effect, column, coefficient) of forces in this log alone.
     taken_off : kinds of parts of u that did not act, or of rows in which more did, that are no more in it.
     lost : what a low-pass has taken from the motion before it was logged.
     """
@@ -60,7 +61,7 @@ class Recording:
     logged_speed_noise: float
     walk: float
     sensor: Sensor
-    pushed: tuple[str, float] | None = None
+    pushed: tuple[str, float, Coupling] | None = None
     levels: tuple[tuple[str, int, float], ...] = ()
     taken_off: tuple[str, ...] = ()
     lost: Lost = NOTHING_LOST

@@ -20,9 +20,8 @@ from dsd_cli.effects.memory import Coupling, driven_motor
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.signals import Signals, left, softened, variance_of
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.spread import rms
 
-#: Longest Runge-Kutta step, radians of the free vibration: while searching, and for what is judged.
-_COARSE, _FINE = 0.2, 0.1
 #: Hz, above which the acceleration is softened while the play is looked for.
 _SOFT = 10.0
 #: Grid: own frequencies of the load in Hz (the last: times the sample rate), gaps per travel, shares.
@@ -41,8 +40,8 @@ _EVALUATIONS, _TOGETHER, _LAST = 80, 100, 200
 _FOUND, _NEARLY_FOUND = 1e-8, 1e-5
 #: Step of its derivatives, as a share of those, and where its unknowns begin.
 _SHARE_OF_SCALE, _FAR = 0.01, 100.0
-#: Which of the values is the delay.
-LATE = 4
+#: Which of the values are the logarithm of the inertia, and the delay.
+LOG_INERTIA, LATE = 3, 4
 #: Typical size of a step: log frequency, log gap, logit of the share, log inertia, samples of delay; of other forces,
 #: as a share of all forces.
 _SCALES, _SCALE_OF_FORCES = (0.1, 0.1, 0.3, 0.05, 0.3), 0.05
@@ -66,40 +65,44 @@ class Play:
 
     def __init__(self, signals: Signals, travel: float) -> None:
         self.signals, self.travel = signals, travel
-        size = _rms(signals.force)
-        self._units = np.array([size / max(_rms(x), 1e-300) for x in signals.given])
+        size, *sizes = (rms(np.concatenate(x)) for x in (signals.force, *signals.given))
+        self._units = np.array([size / max(x, 1e-300) for x in sizes])
+        self._given = [unit * signals.rows(x) for unit, x in zip(self._units, signals.given, strict=True)]
 
-    def best(self) -> tuple[Array, list[Array]] | None:
-        """(the play that leaves least, plays that leave nearly as little), each of shape (5 + p,).
-
-        None where none leaves clearly less than a rigid axis.
-        """
+    def starts(self) -> list[Array]:
+        """Plays that leave least of the softened acceleration, each of shape (5 + p,), best first; none where none
+        leaves clearly less than a rigid axis."""
         soft = Play(softened(self.signals, _SOFT), self.travel)
-        shapes = soft._shapes()
-        if not soft._worth_a_fit(shapes[0]):
-            return None
-        found = [self.fitted(soft.fitted(soft._at(x), _TOGETHER, _COARSE), _TOGETHER, _COARSE) for x in shapes]
-        found += [self.fitted(self._at(self._lowest(at[:3], _WIDE)), _TOGETHER, _COARSE) for at in found]
+        shapes, rigid = soft._shapes(), soft._rigid()
+        left, _, rest = soft._explained(shapes[0])
+        if not float(rigid @ rigid) - left > 2.0 * variance_of(rest) * _WORTH_A_FIT * POLICY.response_nats:
+            return []
+        return sorted((soft.fitted(soft._at(x), _TOGETHER) for x in shapes), key=soft._squares)
+
+    def best(self, starts: Sequence[Array]) -> tuple[Array, list[Array]]:
+        """(the play that leaves least, plays that leave nearly as little), each of shape (5 + p,)."""
+        found = [self.fitted(at, _TOGETHER) for at in starts]
+        found += [self.fitted(self._at(self._lowest(at[:3], _WIDE)), _TOGETHER) for at in found]
         squares = [self._squares(at) for at in found]
         most = min(squares) + _NEARLY * (float(np.sum(self._rigid() ** 2)) - min(squares))
         near = [at for at, x in zip(found, squares, strict=True) if x <= most]
-        return self.fitted(found[int(np.argmin(squares))], _LAST, _FINE), near
+        return self.fitted(found[int(np.argmin(squares))], _LAST), near
 
-    def fitted(self, at: Array, evaluations: int = _LAST, step: float = _FINE) -> Array:
+    def fitted(self, at: Array, evaluations: int = _LAST) -> Array:
         """All values from there on, by Levenberg and Marquardt's method, shape (5 + p,); to all digits the best one."""
         from scipy.optimize import least_squares
 
-        limits = {"max_nfev": evaluations, "ftol": _FOUND if step == _FINE else _NEARLY_FOUND}
+        limits = {"max_nfev": evaluations, "ftol": _FOUND if evaluations == _LAST else _NEARLY_FOUND}
         scales = np.concatenate([_SCALES, np.full(len(self._units), _SCALE_OF_FORCES)])
 
         def left(x: Array) -> Array:
-            return self.left(at + scales * (x - _FAR), step)
+            return self.left(at + scales * (x - _FAR))
 
         with np.errstate(all="ignore"):  # steps are shares of x, which is far from 0 for that
             found = least_squares(left, np.full(len(at), _FAR), method="lm", diff_step=_SHARE_OF_SCALE / _FAR, **limits)
         return np.asarray(at + scales * (found.x - _FAR))
 
-    def left(self, at: Array, step: float = _FINE) -> Array:
+    def left(self, at: Array) -> Array:
         """What remains of the whitened acceleration, shape (n,), unit of u."""
         if not self._sensible(at):
             return _SENSELESS * self.signals.target
@@ -108,16 +111,12 @@ class Play:
         moved = []
         for i, (force, shift) in enumerate(zip(signals.force, signals.shift, strict=True)):
             net = force + late * shift - sum(c * x[i] for c, x in zip(changes, signals.given, strict=True))
-            moved.append(driven_motor(net / ((1.0 - share) * inertia), signals.step, coupling, share, step))
+            moved.append(driven_motor(net / ((1.0 - share) * inertia), signals.step, coupling, share))
         return np.asarray(signals.target - signals.inertia * signals.rows(moved))
 
     def changes(self, at: Array) -> Array:
         """Of the coefficients of the other forces, shape (p,)."""
         return np.asarray(at[5:] * self._units)
-
-    def inertia(self, at: Array) -> float:
-        """J of both masses."""
-        return _plain(at)[3]
 
     def values(self, at: Array, variance: float, near: Sequence[Array]) -> dict[str, tuple[float, float]]:
         """{parameter of the effect: (value, standard error)}.
@@ -139,14 +138,13 @@ class Play:
         return {n: (float(v), float(s)) for n, v, s in zip(names, given, spread, strict=True)}
 
     def _squares(self, at: Array) -> float:
-        rest = self.left(at, _COARSE)
-        found = float(rest @ rest)
-        return found if math.isfinite(found) else math.inf
+        rest = self.left(at)
+        return float(np.nan_to_num(rest @ rest, nan=math.inf, posinf=math.inf))
 
     def _shapes(self) -> list[Array]:
         """(log frequency, log gap, logit) of the best plays of a grid that are unlike each other, refined; best first.
 
-        Amplitude and delay of the motion are left free.
+        Amplitude and delay of the motion and the other forces are left free.
         """
         ranked = sorted(self._grid(), key=lambda shape: self._explained(shape)[0])
         distinct: list[Array] = []
@@ -165,29 +163,24 @@ class Play:
 
     def _at(self, shape: Array) -> Array:
         """All values: what makes the motion smaller by a factor is an inertia and a gap that are larger and smaller."""
-        size, change = self._explained(shape)[1]
-        factor = math.log(min(max(size, 0.2), 5.0))
-        early = min(max(change / max(size, 0.2), 1.0 - _LATEST), _LATEST - 1.0)
-        own = [shape[0], shape[1] + factor, shape[2], math.log(self.signals.inertia) - factor, early]
-        return np.concatenate([own, np.zeros(len(self._units))])
+        size, change, *others = self._explained(shape)[1]
+        size = min(max(size, 0.2), 5.0)
+        early = min(max(change / size, 1.0 - _LATEST), _LATEST - 1.0)
+        own = [shape[0], shape[1] + math.log(size), shape[2], math.log(self.signals.inertia / size), early]
+        return np.array([*own, *(-x / size for x in others)])
 
-    def _explained(self, shape: Array) -> tuple[float, tuple[float, float], Array]:
-        """(squares left, factors on its motion and on the change of that over a sample, what is left)."""
+    def _explained(self, shape: Array) -> tuple[float, Array, Array]:
+        """(squares left, factors on its motion, on the change of that over a sample and on what other forces do to a
+        rigid axis, what is left)."""
         at = np.concatenate([shape, [math.log(self.signals.inertia), 0.0], np.zeros(len(self._units))])
         target = self.signals.target
-        moved = target - self.left(at, _COARSE) if self._sensible(at) else np.full(len(target), np.nan)
+        moved = target - self.left(at) if self._sensible(at) else np.full(len(target), np.nan)
         if not np.all(np.isfinite(moved)):  # what a senseless load leaves is a multiple of the target
-            return math.inf, (1.0, 0.0), target
-        rows = np.stack([moved, np.gradient(moved)])
+            return math.inf, np.eye(1, 2 + len(self._given))[0], target
+        rows = np.stack([moved, np.gradient(moved), *self._given])
         weights = np.linalg.lstsq(rows @ rows.T, rows @ target, rcond=1e-12)[0]
         rest = target - weights @ rows
-        return float(rest @ rest), (float(weights[0]), float(weights[1])), rest
-
-    def _worth_a_fit(self, shape: Array) -> bool:
-        """Whether it gains over a rigid axis half of what an answer must."""
-        rest, rigid = self._explained(shape)[2], self._rigid()
-        nats = (float(rigid @ rigid) - float(rest @ rest)) / (2.0 * variance_of(rest))
-        return nats > _WORTH_A_FIT * POLICY.response_nats
+        return float(rest @ rest), weights, rest
 
     def _rigid(self) -> Array:
         """What a rigid axis leaves with all forces free, shape (n,)."""
@@ -211,10 +204,6 @@ class Play:
             for gap in gaps
             for s in _SHARES
         ]
-
-
-def _rms(parts: list[Array]) -> float:
-    return math.sqrt(sum(float(x @ x) for x in parts) / max(sum(len(x) for x in parts), 1))
 
 
 def _plain(at: Array) -> tuple[float, float, float, float, float]:

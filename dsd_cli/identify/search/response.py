@@ -13,10 +13,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.effects import Role
+from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.modes import Modes
-from dsd_cli.identify.search.play import LATE, Play
+from dsd_cli.identify.search.play import LATE, LOG_INERTIA, Play
 from dsd_cli.identify.search.seen import COUPLING, PLAY, Seen, is_a_load, same_play, seen_by_contacts
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.signals import (
@@ -33,9 +34,12 @@ from dsd_cli.identify.search.signals import (
 )
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.spread import rms
 
 #: Rounds in which the delay is moved, samples that it moves at most, and less than which it stays.
 _ROUNDS, _MOST_MOVED, _NEAR = 5, 3.0, 0.3
+#: What a play is sought beside, found or not: a play that nobody knows of hides friction, and friction hides a play.
+_IN_ANY_AXIS = ("coulomb_friction", "viscous_friction")
 
 
 @dataclass(frozen=True)
@@ -113,7 +117,7 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     frequency, spread = values["frequency"]
     swings = float(over_rigid.sum()) > POLICY.response_nats and frequency > POLICY.value_deviations * spread
     sought = PLAY in asked and (doubtful or swings)
-    play = _play(search, look, (rigid, modes.columns(at))) if sought else None
+    play = _play(search, look) if sought else None
     if play is not None and play.certain:
         return Response(play.seen(highest))
     correlated = correlation_time(swinging) > POLICY.response_correlated
@@ -127,7 +131,7 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     target = fresh(signals.target)
     if not _enough(gains(left(fresh(rigid), target), left(fresh(modes.columns(at)), target))):
         return unseen
-    tied = play is not None and not _agreed(gains(play.rest, swinging))
+    tied = play is not None and not _agreed(gains(play.rest, play.rival))
     fall, nats = _fall(rival, swinging), float(over_rigid.sum())
     if PLAY in asked and correlated and fall < POLICY.response_fall:
         return replace(unseen, rattles=True)
@@ -194,17 +198,22 @@ class _Found:
         return Seen(PLAY, self.values, (), nats, fall, highest, own / math.sqrt(1.0 - share), self.model)
 
 
-def _play(search: Search, look: _Look, others: Sequence[Array]) -> _Found | None:
-    """The play that explains most; `others` : columns of the explanations without play, shape (n, k)."""
-    if not search.ranges.travel > 0.0:
+def _play(search: Search, look: _Look) -> _Found | None:
+    """The play that explains most, beside friction as well."""
+    ids = {t.id for t in look.fit.terms}
+    friction = tuple(Term(name) for name in _IN_ANY_AXIS if name in search.allowed and name not in ids)
+    fit = look.part.fit((*look.fit.terms, *friction), look.fit.tap)
+    signals = signals_of(look.part, fit, look.delay)
+    if signals is None or not search.ranges.travel > 0.0:
         return None
-    signals = look.signals
+    look = replace(look, fit=fit, signals=signals, modes=Modes(signals))
+    starts = Play(look.signals, search.ranges.travel).starts()
+    if not starts:
+        return None
+    delay, signals = look.later(-float(starts[0][LATE]))  # the full rate tells a contact by less than a sample
+    moved = np.where(np.arange(len(starts[0])) == LATE, (delay - look.delay) / look.signals.step, 0.0)
     play = Play(signals, search.ranges.travel)
-    best = play.best()
-    if best is None:
-        return None
-    at, near = best
-    delay = look.delay
+    at, near = play.best([at + moved for at in starts])
     for _ in range(_ROUNDS):
         if abs(at[LATE]) < _NEAR:
             break
@@ -216,7 +225,8 @@ def _play(search: Search, look: _Look, others: Sequence[Array]) -> _Found | None
     (gap, spread), resolved = values["gap"], search.ranges.resolution / POLICY.resolved_deviations
     told = gap > POLICY.value_deviations * max(spread, 0.0) and gap > resolved
     free = [signals.rows(x) for x in signals.given]
-    rival = min((left(np.column_stack([x, *free]), signals.target) for x in others), key=_squares)
+    others = (look.modes.rigid(), look.modes.columns(look.at))
+    rival = min((left(np.column_stack([x, *free]), signals.target) for x in others), key=rms)
     white = correlation_time(rest) < POLICY.response_correlated  # a load that no simulation follows leaves more
     certain = told and white and is_a_load(values["load_share"][0]) and _agreed(gains(rival, rest))
     fresh = _whatever_the_noise(signals, rival)
@@ -235,7 +245,7 @@ def _told_model(look: _Look, play: Play, at: Array, delay: float, values: dict[s
     model = look.part.problem.scale.model(replace(look.fit, total=total))
     given = {name: value for name, (value, _) in values.items()}
     late = float(at[LATE]) * play.signals.step
-    return model.changed(max(delay - late, 0.0), play.inertia(at), {PLAY: given})
+    return model.changed(max(delay - late, 0.0), math.exp(float(at[LOG_INERTIA])), {PLAY: given})
 
 
 def _whatever_the_noise(signals: Signals, rival: Array) -> Callable[[Array], Array]:
@@ -255,9 +265,5 @@ def _enough(by_block: Array) -> bool:
     return float(by_block.sum() - by_block.max()) > POLICY.response_nats
 
 
-def _squares(x: Array) -> float:
-    return float(x @ x)
-
-
 def _fall(before: Array, after: Array) -> float:
-    return 1.0 - math.sqrt(_squares(after) / max(_squares(before), 1e-300))
+    return 1.0 - rms(after) / max(rms(before), 1e-300)

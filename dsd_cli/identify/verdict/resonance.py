@@ -94,8 +94,8 @@ def with_response(search: Search, whole: Fit, task: Task, doubtful: bool) -> Res
     if not asked or any(settings.known.concerns(name) for name in SHOWN) or search.equations.counting < 1.0:
         return unchanged
     task.report("the response above the band", 0.7)
-    found = {t.id for t in whole.terms}
-    response = response_of(search, whole, asked, doubtful or PLAY in found)
+    ids = {t.id for t in whole.terms}
+    response = response_of(search, whole, asked, doubtful or PLAY in ids)
     if response is None:
         return unchanged
     seen = response.seen
@@ -109,16 +109,14 @@ def with_response(search: Search, whole: Fit, task: Task, doubtful: bool) -> Res
     there = model.changed(None, None, {seen.effect: values}) if seen.effect in model.effects else seen.model
     rest = replace(known, effects=tuple(name for name in search.allowed if name not in SHOWN))
     beside, all_of_it = searched(replace(task, model=there, settings=rest))
-    if _in_band(seen, search) and seen.effect in found and not _better(unchanged, beside, all_of_it):
+    if _in_band(seen, search) and seen.effect in ids and not _better(unchanged, beside, all_of_it):
         return unchanged
     if seen.effect in model.effects:
         return Resonance(beside, all_of_it, known, None)
     others = _needed(beside, all_of_it, model)
     belongs = {*model.effects, *others, seen.effect}
-    whole_model = beside.problem.scale.model(all_of_it)
-    there = replace(
-        there, effects={n: v for n, v in whole_model.effects.items() if n in belongs} | {seen.effect: values}
-    )
+    found = beside.problem.scale.model(all_of_it)  # its delay, too: a lag among them takes a part of it
+    there = replace(found, effects={n: v for n, v in found.effects.items() if n in belongs} | {seen.effect: values})
     search, whole = searched_with(replace(task, settings=known), there)
     return Resonance(search, whole, known, None if others else seen, response.rattles)
 

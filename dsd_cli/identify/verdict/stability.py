@@ -12,6 +12,7 @@ from typing import Any
 
 from dsd_cli.effects import get_effect, kind_of
 from dsd_cli.errors import DsdError
+from dsd_cli.identify.fit.driven_load import with_driven_load
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import terms_of
@@ -44,6 +45,7 @@ def with_stability(
     if any(c.seen for c in found.ranking if c.effect == found.verdict):
         return found
     recordings = with_levels(recordings, [one.deviations for one in found.levels])
+    recordings = with_driven_load(recordings, found.whole_model or found.model)  # as it was found
     asked = [
         ("the first half of the data", _half(recordings, 0), settings),
         ("the second half", _half(recordings, 1), settings),
