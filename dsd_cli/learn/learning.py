@@ -119,8 +119,7 @@ class Scores:
 
 
 def _learnt(chosen: Choice, scores: Scores, stand_ins: Sequence[str]) -> Learnt:
-    fit, judge = chosen.fit, chosen.judge
-    formula = formula_of(chosen)
+    fit, judge, formula = chosen.fit, chosen.judge, formula_of(chosen)
     curves = effects_of(fit, scores.problem.model)
     by_formula = {} if formula is None else dict(formula.effects)
     laws = by_formula or curves

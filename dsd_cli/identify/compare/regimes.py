@@ -86,10 +86,10 @@ def _regimes(left: Left, errors: Array) -> tuple[Regime, ...]:
     if any("velocity" not in part.log for part in left.parts):
         return ()
     masks = regime_masks(left)
-    found = []
+    found, energy = [], float(np.sum(errors**2))
     for name, mask in masks.items():
         if mask.any():
-            share = _share(errors, mask)
+            share = float(np.sum(errors[mask] ** 2)) / energy if energy > 0.0 else 0.0
             found.append(Regime(name, float(mask.mean()), share, rms(errors[mask]), overlaps=name in ACROSS))
     return tuple(found)
 
@@ -205,8 +205,3 @@ def _bands(left: Left, errors: Array) -> tuple[Band, ...]:
         Band(float(a), float(b), float(x) / total if total > 0.0 else 0.0, float(np.sqrt(x / len(errors))))
         for a, b, x in zip(edges[:-1], edges[1:], energy, strict=True)
     )
-
-
-def _share(errors: Array, mask: Mask) -> float:
-    energy = float(np.sum(errors**2))
-    return float(np.sum(errors[mask] ** 2)) / energy if energy > 0.0 else 0.0

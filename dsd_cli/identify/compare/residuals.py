@@ -80,7 +80,7 @@ def residual_tests(errors: Sequence[Array], commands: Sequence[Array], interval:
     interval : sample time, s.
     lags : how far to look, samples; at most a quarter of the longest stretch.
     """
-    e, u = (_centred(parts) for parts in (errors, commands))
+    e, u = ([x - np.concatenate(parts).mean() for x in parts] for parts in (errors, commands))
     n, longest = sum(map(len, e)), max(map(len, e))
     lags = max(min(lags, longest // 4), 1)
     reach = max(longest // 4, lags)
@@ -106,11 +106,6 @@ def residual_tests(errors: Sequence[Array], commands: Sequence[Array], interval:
         autocorrelation=tuple(auto.tolist()),
         correlation_with_u=tuple(cross.tolist()),
     )
-
-
-def _centred(parts: Sequence[Array]) -> list[Array]:
-    mean = float(np.concatenate(parts).mean())
-    return [part - mean for part in parts]
 
 
 def _correlations(xs: Sequence[Array], ys: Sequence[Array], lags: int) -> Array:

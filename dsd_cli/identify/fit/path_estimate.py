@@ -22,7 +22,6 @@ from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.stretches import Stretch, direction
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.plant.forces import IntervalChannels
 from dsd_cli.signals.log import Array, Log, with_channels
 
 #: s from knot to knot, but for so many knots at most, and the step of its numerical slopes, as a
@@ -279,12 +278,9 @@ def _elsewhere(stretch: Stretch, speed: Array, zero: float, step: float, frictio
     if friction:
         moving = direction(stretch.log["velocity"] + speed, stretch.log["speed_noise"])
         sign = np.where(stretch.free > 0.0, moving, 0.0)
-    middle, mean = (_shifted(motion, speed, place) for motion in (stretch.middle, stretch.mean))
+    both = (stretch.middle, stretch.mean)
+    middle, mean = (x._replace(velocity=x.velocity + speed, position=x.position + place) for x in both)
     return replace(stretch, middle=middle, mean=mean, sign=sign)
-
-
-def _shifted(motion: IntervalChannels, speed: Array, place: Array) -> IntervalChannels:
-    return motion._replace(velocity=motion.velocity + speed, position=motion.position + place)
 
 
 def _moved(piece: Log, speed: Array, zero: float) -> Log:

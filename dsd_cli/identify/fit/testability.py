@@ -156,13 +156,9 @@ def told_by(bank: Bank, fitted: Fitted, beside: Terms, known: PriorKnowledge, *,
     """
     fitted = fitted if zero else _without_zero(fitted, fitted.fit.terms, known)
     open_ = _not_identified(bank, fitted, beside) if INERTIA not in known.names else []
-    told = {n: replace(e, std_error=math.nan, grade="not") for n, e in fitted.estimates.items() if _of(n) in open_}
-    return replace(fitted, estimates={**fitted.estimates, **told})
-
-
-def _of(name: str) -> str:
-    """Whose value it is."""
-    return name.partition(".")[0]
+    of_open = {n: e for n, e in fitted.estimates.items() if n.partition(".")[0] in open_}
+    unknown = {n: replace(e, std_error=math.nan, grade="not") for n, e in of_open.items()}
+    return replace(fitted, estimates={**fitted.estimates, **unknown})
 
 
 def _not_identified(bank: Bank, fitted: Fitted, beside: Terms) -> list[str]:
