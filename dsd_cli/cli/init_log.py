@@ -159,11 +159,13 @@ def _rows_apart(chosen: Chosen, asked: Asked, said: float | None, out: Proposal)
 def _name_columns(chosen: Chosen, out: Proposal) -> None:
     if chosen.clock:
         out.put("signals", "time", CLOCK, "the file stamps its rows itself")
+    taken = {one.column for one in chosen.found.values()}
     for channel, one in chosen.found.items():
         if chosen.clock and channel == "time":
             continue
         guess = chosen.reasons.get(channel)
-        others = f"; it could be {', '.join(one.others[:3])} as well" if one.others else ""
+        open_yet = [name for name in one.others if name not in taken][:3]
+        others = f"; it could be {', '.join(open_yet)} as well" if open_yet else ""
         unit = f", in {one.spoken}" if one.unit else ""
         why = "by its name" if guess is None else guess.reason
         doubt = f"; {guess.doubt}" if guess is not None and guess.doubt else ""
