@@ -97,7 +97,7 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
         answer = asked.ask(chosen.missing, chosen.candidates)
         asked = asked._replace(given={**asked.given, chosen.missing: answer})
         chosen = choose(source_name(name), looked, asked.given)
-    chosen = without_coarse_stamps(as_told(chosen, asked.values))
+    chosen = without_coarse_stamps(as_told(chosen, asked.values), None if "time" in asked.given else looked.sample_time)
     out.said += [*chosen.said, *chosen.idle]
     _name_columns(chosen, out)
     if "dsd_version" in metadata_of(path):  # our own logs are in SI

@@ -1,4 +1,4 @@
-"""`dsd init` on names that are paths with dots, and on letters of which each may be two things: no guess goes unsaid."""
+"""`dsd init` on names that are paths with dots, and on letters that may be two things: no guess goes unsaid."""
 
 from pathlib import Path
 
@@ -62,3 +62,18 @@ def test_what_is_another_channel_already_is_no_rival(tmp_path: Path) -> None:
     columns = (AXIS["t"], AXIS["q"], AXIS["v"], AXIS["r"], AXIS["u"])
     _, said = proposed(tmp_path, "t,current_position,current_velocity,target_position,motor_current", *columns)
     assert "as well" not in said
+
+
+@pytest.mark.parametrize(("said", "time"), [("2.5,ms", ""), ("1,ms", "time")])
+def test_a_count_of_rows_is_no_clock_where_the_file_says_how_far_they_are_apart(
+    said: str, time: str, tmp_path: Path
+) -> None:
+    """A row that begins with `Name` is of labels, and what stands below that cell rises."""
+    head = [f"Sampling time,{said}", "Name,Torque,Speed", "Unit,Nm,rad/s"]
+    count = np.arange(AXIS["t"].size)
+    strangers.text(tmp_path, "a.csv", [*head, *strangers.rows(AXIS, count, AXIS["u"], AXIS["v"])])
+    done("init", "a.csv", cwd=tmp_path)
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.time, signals.sample_time) == ((time, None) if time else (None, 0.0025))
+    done("init", "a.csv", "--time", "time", "--force", cwd=tmp_path)
+    assert load_config(tmp_path / "dsd.toml").signals.time == "time"
