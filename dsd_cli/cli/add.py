@@ -58,8 +58,8 @@ def add(
     from dsd_cli.report.addition import AdditionReport, add_json, added_step, caveats, print_addition
 
     apart, plot, form, quiet = options.apart, options.plot, options.form, options.quiet
+    settings = options.settings(logs=log)
     origin = read_origin(options.config)
-    settings = options.settings()
     check_logs(log, apart, settings.signals)
     read = [*log, *options.files(settings)]
     check_outputs(output, form, read)

@@ -39,7 +39,7 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
     from dsd_cli.report.verdict import once_late
 
     apart, plot, quiet = options.apart, options.plot, options.quiet
-    settings = options.settings()
+    settings = options.settings(logs=log)
     check_logs(log, apart, settings.signals)
     check_plot(plot, [options.config, *log, *options.files(settings)])
     with Progress(not quiet) as progress, widening(settings.signals):

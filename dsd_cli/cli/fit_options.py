@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -50,16 +52,21 @@ class ReadOptions:
     effects_from: EffectsFromOption = None
     quiet: QuietOption = False
 
-    def settings(self, hold: bool = False) -> Config:
+    def settings(self, hold: bool = False, logs: Sequence[str] = ()) -> Config:
         """The config with all of these in place; effects of the user are known from now on.
+
+        logs : of the command, of which one that is not there is said first: it is what the command line is about.
 
         Raises
         ------
-        UsageError : a config, an effect or a value that cannot be used.
+        DataError : no such log. UsageError : a config, an effect or a value that cannot be used.
         """
         from dsd_cli.cli.user_effects import use_effects
+        from dsd_cli.errors import DataError
         from dsd_cli.files.config import load_config
 
+        if missing := next((one for one in logs if one != "-" and not os.path.lexists(one)), ""):
+            raise DataError(f"{missing}: no such file")
         use_effects(self.effects_from)
         read = load_config(self.config, self.override or ()).within(self.start, self.end)
         return read.knowing(self.fix or (), self.bounds or (), self.prior or (), hold)

@@ -75,7 +75,7 @@ def init(
         template = template or "lab"
         _put(template_text(template), [], f"template {template}", log, template, (output, force, quiet))
         return
-    proposed = _proposed(log, _asked(named, override or [], quiet), quiet)
+    proposed = _proposed(log, _asked(named, override or [], output, quiet), quiet)
     left = proposed.question or str(proposed.unread or "")
     _put(proposed.text, proposed.said, f"from {source_name(log)}", log, left, (output, force, quiet))
     if proposed.unread is not None:
@@ -104,7 +104,7 @@ def _say(command: str, output: str, override: list[str] | None) -> str:
 _NAMED = ("u", "position", "velocity", "time")
 
 
-def _asked(named: dict[str, str], override: list[str], quiet: bool) -> Asked:
+def _asked(named: dict[str, str], override: list[str], output: str, quiet: bool) -> Asked:
     """What the command line says; on a terminal the rest can be asked for."""
     import sys
 
@@ -120,7 +120,7 @@ def _asked(named: dict[str, str], override: list[str], quiet: bool) -> Asked:
         raise UsageError(f"--set {flat}", "--set of init takes SECTION.KEY=VALUE")
     template = parse_tables(template_text("lab"), "template lab")
     template["signals"] = {}  # which are those of the log
-    csv = read_config(with_values(template, override), "dsd.toml with --set").csv
+    csv = read_config(with_values(template, override), f"{output} with --set" if output != "-" else "--set").csv
     said = {(section, key): value for section, keys in written.items() for key, value in keys.items()}
     tables = {key: value for key, value in said.items() if isinstance(value, dict)}
     values = {key: value for key, value in said.items() if key not in tables}

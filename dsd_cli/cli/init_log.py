@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import shlex
 from collections.abc import Callable, Mapping, Sequence
@@ -12,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.cli.init_delay import explains, only_channel, put_delays, short
+from dsd_cli.cli.init_numbers import propose_numbers
 from dsd_cli.cli.init_proposal import (
     UNITS,
     Proposal,
@@ -30,7 +29,6 @@ from dsd_cli.cli.init_questions import column_question, step_question, without_c
 from dsd_cli.cli.init_roles import Chosen, choose
 from dsd_cli.cli.init_stamps import finite_stamps, unit_of_stamps
 from dsd_cli.cli.init_units import near, step_of, units_of
-from dsd_cli.cli.recordings import by_updates, on_its_clock
 from dsd_cli.errors import DsdError, source_name
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.first_look import time_unit_of
@@ -39,22 +37,11 @@ from dsd_cli.files.logs import LoadedLog, load_log
 from dsd_cli.files.sample import sample
 from dsd_cli.files.tables_in import metadata_of
 from dsd_cli.files.template import headed, template_text, with_table, with_value
-from dsd_cli.identify.checks import CheckResult, check_log
-from dsd_cli.plant.model import ObserverSettings, PlantModel
-from dsd_cli.plant.observer import observe_log
-from dsd_cli.plant.prediction import predict_d_hat
 from dsd_cli.roles import ONLY_CAUSE
-from dsd_cli.signals.clock import FASTEST, SLOWEST, TIME_SCALE
-from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.clock import TIME_SCALE
 
 #: Rows from which everything is proposed.
 ROWS = 200_000
-#: The window, in s and in samples at least and at most; rho, as a multiple of what the first model leaves, and as a
-#: share of u where there is no model.
-WINDOW, FEWEST, MOST = 0.1, 50, 5000
-RHO_OF_LEFT, RHO_OF_U = 1.5, 0.1
-#: rho at least, as a share of u: no sensor is better than that.
-RHO_LEAST = 0.002
 
 
 class Asked(NamedTuple):
@@ -97,7 +84,7 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
         answer = asked.ask(chosen.missing, chosen.candidates)
         asked = asked._replace(given={**asked.given, chosen.missing: answer})
         chosen = choose(source_name(name), looked, asked.given)
-    chosen = without_coarse_stamps(as_told(chosen, asked.values))
+    chosen = without_coarse_stamps(as_told(chosen, asked.values), None if "time" in asked.given else looked.sample_time)
     out.said += [*chosen.said, *chosen.idle]
     _name_columns(chosen, out)
     if "dsd_version" in metadata_of(path):  # our own logs are in SI
@@ -119,7 +106,7 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
         else:
             said_in_log = chosen.found["time"].time_unit if "time" in chosen.found else None
             doubted = said_in_log is not None and ("signals", "time_unit") not in asked.values
-            _propose_numbers(loaded, factors, out, doubted)
+            propose_numbers(loaded, factors, out, doubted, asked.given)
     for (section, key), value in asked.values.items():
         out.put(section, key, value)
         out.comments.pop((section, key), None)
@@ -159,11 +146,13 @@ def _rows_apart(chosen: Chosen, asked: Asked, said: float | None, out: Proposal)
 def _name_columns(chosen: Chosen, out: Proposal) -> None:
     if chosen.clock:
         out.put("signals", "time", CLOCK, "the file stamps its rows itself")
+    taken = {one.column for one in chosen.found.values()}
     for channel, one in chosen.found.items():
         if chosen.clock and channel == "time":
             continue
         guess = chosen.reasons.get(channel)
-        others = f"; it could be {', '.join(one.others[:3])} as well" if one.others else ""
+        open_yet = [name for name in one.others if name not in taken][:3]
+        others = f"; it could be {', '.join(open_yet)} as well" if open_yet else ""
         unit = f", in {one.spoken}" if one.unit else ""
         why = "by its name" if guess is None else guess.reason
         doubt = f"; {guess.doubt}" if guess is not None and guess.doubt else ""
@@ -211,76 +200,3 @@ def _read(
         path, names, sample_time=sample_time, time_scale=scale, factors=factors, most_rows=ROWS, layout=layout
     )
     return loaded, factors
-
-
-def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal, doubted: bool) -> None:
-    """What is identified from the log; `doubted`: its unit of time is, too, if it makes no servo log."""
-    rows, warned = len(loaded.log), len(loaded.warnings)
-    loaded, noisy = on_its_clock(by_updates(loaded))
-    out.said += [*loaded.warnings[warned:], *noisy]
-    log = loaded.log
-    checked = check_log(log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors)
-    step = log.sample_time if loaded.regular else float(f"{checked.seconds / checked.samples:.4g}")
-    if doubted:
-        _doubt_time_unit(step, out)
-    clock = "regular" if loaded.regular else "irregular stamps"
-    out.said.append(f"sample time {step:g} s ({clock}), from the first {rows:,} rows, {checked.seconds:.3g} s")
-    out.put("observer", "time_constant", float(f"{5 * step:.3g}"), "5 samples; take your observer's if d_hat is logged")
-    window = int(np.clip(round(WINDOW / step), FEWEST, MOST))
-    out.put("detector", "window", window, f"{window * step:.3g} s")
-    out.said += [f"{one.what}: {one.remedy}" for one in checked.errors]
-    inertia, delay = _told(checked, "inertia"), _told(checked, "delay")
-    if inertia is None or inertia <= 0.0:
-        _without_inertia(log, out)
-        put_delays(max(delay or 0.0, 0.0), step, False, out, only_channel(log))
-        return
-    inertia = float(f"{inertia:.3g}")
-    out.put("observer", "nominal_inertia", inertia, "identified from this log, per unit of u")
-    out.put("model", "inertia", inertia)
-    out.put("states", "inertias", [short(0.67 * inertia), inertia, short(1.5 * inertia)])
-    at = max(delay or 0.0, 0.0)
-    alone = at > 0.5 * step and explains(check_log(log, PlantModel(inertia, at), None, loaded.restarts), "delay")
-    put_delays(at, step, alone, out, only_channel(log))
-    left = _left(loaded, PlantModel(inertia, at if alone else 0.0), ObserverSettings(inertia, 5 * step, 1))
-    if 0.0 < left < float(np.std(log["u"])):  # more is no fit at all, as of trials joined in one file
-        rho = float(f"{max(RHO_OF_LEFT * left, RHO_LEAST * float(np.std(log['u']))):.3g}")
-        out.put("detector", "rho", rho, f"{RHO_OF_LEFT:g} times what inertia and delay leave")
-
-
-def _without_inertia(log: Log, out: Proposal) -> None:
-    """rho is how far d_hat strays: without a d_hat in the log it asks for the nominal inertia that makes one."""
-    if "d_hat" not in log:
-        out.said.append(
-            "nominal_inertia, inertias and rho are the template's, not of this log: inertia is not identifiable here; "
-            "put yours before dsd detect"
-        )
-        return
-    rho = RHO_OF_U * float(np.std(log["u"]))
-    if 0.0 < rho < math.inf:  # of a corrupt cell (1e300) a square is no number
-        out.put("detector", "rho", float(f"{rho:.3g}"), "a tenth of what u does: inertia is not identifiable here")
-
-
-def _doubt_time_unit(step: float, out: Proposal) -> None:
-    """Say so where the unit in a name makes a sample time that no servo log has, and another unit would not."""
-    unit = json.loads(out.values.get(("signals", "time_unit"), '"s"'))
-    as_written = step / TIME_SCALE[unit]
-    likely = time_unit_of(as_written)
-    seconds = as_written * TIME_SCALE[likely]
-    if not FASTEST <= step <= SLOWEST and FASTEST <= seconds <= SLOWEST:
-        out.said.append(
-            f"time_unit: in {unit}, rows are {step:g} s apart; in {likely} they would be {seconds:g} s: which?"
-        )
-
-
-def _told(checked: CheckResult, name: str) -> float | None:
-    """A value that is identifiable to within half of it."""
-    return next((one.value for one in checked.parameters if one.name == name and one.identified != "not"), None)
-
-
-def _left(loaded: LoadedLog, model: PlantModel, observer: ObserverSettings) -> float:
-    """rms of d_hat around the prediction of that model, unit of u; the loudest twentieth does not count."""
-    log = loaded.log
-    observed = log if "d_hat" in log and not ("velocity" in log or "position" in log) else observe_log(log, observer)
-    error: Array = np.abs(observed["d_hat"] - predict_d_hat(model, observed, observer))
-    error = error[np.isfinite(error)]
-    return float(np.sqrt(np.mean(error[error <= np.quantile(error, 0.95)] ** 2))) if error.size else 0.0

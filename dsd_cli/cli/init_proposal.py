@@ -43,9 +43,10 @@ class Proposal:
     comments: dict[tuple[str, str], str] = field(default_factory=dict)
 
     def put(self, section: str, key: str, value: object, why: str = "") -> None:
-        """Set a key; `why`, where it is worth a line."""
+        """Set a key; `why`, where it is worth a line, in the place of one that was there."""
         self.values[section, key] = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else _toml(value)
         if why:
+            self.said = [line for line in self.said if not line.startswith(f"{key} = ")]
             self.said.append(f"{key} = {self.values[section, key]}: {why}")
 
 
@@ -94,7 +95,6 @@ def settle_units(units: Units, out: Proposal) -> None:
         follows = key == "velocity_scale" and is_open(out, "position")
         if is_open(out, channel) and not follows:
             del out.values["signals", f"{channel}_unit"]
-        out.said = [line for line in out.said if not line.startswith(f"{key} = ")]
         out.put("signals", key, value, units.why if at == 0 else "")
         out.asked.pop(channel, None)
 

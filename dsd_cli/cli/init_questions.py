@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dsd_cli.cli.init_roles import GIVEN, Chosen, Coarse
-from dsd_cli.cli.init_stamps import unit_of_stamps
+from dsd_cli.cli.init_stamps import is_count_of_rows, unit_of_stamps
 from dsd_cli.cli.init_units import step_of
 from dsd_cli.errors import printable
 from dsd_cli.files.recognise import role_of_unit, unit_in
@@ -29,12 +29,16 @@ class Question(NamedTuple):
     command: str
 
 
-def without_coarse_stamps(chosen: Chosen) -> Chosen:
-    """Without a time that stands still from row to row in half of them or more.
+def without_coarse_stamps(chosen: Chosen, apart: float | None = None) -> Chosen:
+    """Without a time that stands still from row to row in half of them or more, or that counts rows of which the file
+    says how many s they are `apart`.
 
     One row of each stamp would be left, and of a faster u a sample in place of its mean.
     """
     time = chosen.found.get("time")
+    found = {role: one for role, one in chosen.found.items() if role != "time"}
+    if is_count_of_rows(time, chosen.table, apart):
+        return replace(chosen, found=found)
     channels = () if time is None or chosen.table is None else chosen.table.channels
     values = next((one.values for one in channels if time is not None and one.name == time.column), None)
     stamps = np.zeros(1) if values is None else values[np.isfinite(values)]
@@ -43,7 +47,6 @@ def without_coarse_stamps(chosen: Chosen) -> Chosen:
         return chosen
     apart = float(f"{TIME_SCALE[unit_of_stamps(time, chosen.table)] * (stamps[-1] - stamps[0]) / steps.size:.3g}")
     what = f'"{time.column}" stands still in {100 * np.mean(steps == 0.0):.0f} % of them; {apart:g} if they are even'
-    found = {role: one for role, one in chosen.found.items() if role != "time"}
     return replace(chosen, found=found, coarse=Coarse(what, apart))
 
 

@@ -233,11 +233,11 @@ def roles_of(look: FirstLook, table: Table, given: Mapping[str, str]) -> Roles:
         forces |= {one.name for one in table.channels if is_voltage(one.name, one.unit)} - set(given.values())
     motions = {one.name for one in table.channels if is_motion(one.name, one.unit)}
     moved = neither | motions - set(given.values()) - beside_a_clock(table)
-    others = () if u is None or "u" in given else u.others
+    others = {role: one.others for role, one in look.found.items() if role not in given}
     sure = (frozenset(forces), frozenset(moved))
     asked = frozenset({one.name for one in table.channels if is_asked(one.name)} - set(given.values()))
     return guess_roles(
-        table.channels, named, *sure, told=given, rivals=tuple(others), asked=asked, scale=_seconds(look, table)
+        table.channels, named, *sure, told=given, rivals=others, asked=asked, scale=_seconds(look, table)
     )
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from dsd_cli.files.first_look import FirstLook, time_unit_of
 from dsd_cli.files.recognise import Recognised
 from dsd_cli.files.sample import Table
+from dsd_cli.signals.clock import TIME_SCALE
 from dsd_cli.signals.log import Array
 
 #: Stamps are better than others where their steps vary by less than this share of what the steps of those do.
@@ -46,6 +47,16 @@ def unit_of_stamps(time: Recognised, table: Table | None) -> str:
     there = finite_stamps(time.column, table)
     there = there if there.size else np.zeros(1)
     return time.time_unit or time_unit_of(step_in(there), float(there[0]), float(np.ptp(there)))
+
+
+def is_count_of_rows(time: Recognised | None, table: Table | None, apart: float | None) -> bool:
+    """Whether what is called the time, in a unit that nobody says, counts by one where the file says that its rows are
+    `apart`, s, and that is no such step."""
+    if time is None or time.time_unit or not apart:
+        return False
+    steps = np.diff(finite_stamps(time.column, table))
+    counts = steps.size > 0 and bool(np.all(steps == 1.0))
+    return counts and not math.isclose(TIME_SCALE[unit_of_stamps(time, table)], apart, rel_tol=1e-6)
 
 
 def finite_stamps(column: str, table: Table | None) -> Array:

@@ -58,8 +58,8 @@ def learn(
     from dsd_cli.report.plots_learning import draw
 
     config, apart, plot, form, quiet = options.config, options.apart, options.plot, options.form, options.quiet
+    settings = options.settings(logs=log)
     origin = read_origin(config)
-    settings = options.settings()
     check_logs(log, apart, settings.signals)
     read = [*log, *options.files(settings)]
     check_outputs(output, form, read)

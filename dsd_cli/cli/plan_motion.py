@@ -99,7 +99,7 @@ def plan(
     from dsd_cli.cli.plan_request import names_of, request, told_by
 
     plot, form, quiet = options.plot, options.form, options.quiet
-    settings = options.settings()
+    settings = options.settings(logs=log)
     check_logs(log, (), settings.signals)
     read = [options.config, *log, *options.files(settings), *([diagnosis] if diagnosis else [])]
     _check_output(output, form, read)

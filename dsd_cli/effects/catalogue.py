@@ -11,6 +11,7 @@ import importlib
 import re
 from collections.abc import Collection, Iterable
 from dataclasses import replace
+from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 from types import MappingProxyType
@@ -105,7 +106,9 @@ def get_effect(name: str) -> Effect:
         numbered = _NUMBERED.fullmatch(name)
         if numbered and numbered["kind"] in catalogue():
             raise UsageError(f"no effect '{name}'", f"a model has one {numbered['kind']}")
-        raise UsageError(f"no effect '{name}'", "known effects are " + ", ".join(catalogue()))
+        near = get_close_matches(name, catalogue(), n=1)
+        told = f"did you mean {near[0]}? " if near else ""
+        raise UsageError(f"no effect '{name}'", f"{told}known effects are {', '.join(catalogue())}")
     return found
 
 

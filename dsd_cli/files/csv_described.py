@@ -82,14 +82,14 @@ def differ(cells: Sequence[str]) -> bool:
 def lines_of_each(rows: Sequence[Row]) -> dict[str, Row]:
     """Name in the last row -> the line about it above, where there are several: `Trace 1,Feedback Speed,min-1`.
 
-    `CH1 = Motor Speed [rpm]` is one, too.
+    `CH1 = Motor Speed [rpm]` is one, too, and `CH1,Axis 1,Speed,1/min`.
     """
     names = [cell.strip() for cell in rows[-1].cells] if rows else []
     rows = [
         row._replace(cells=[c for k, c in enumerate(row.cells) if any(map(str.strip, row.cells[k:]))]) for row in rows
     ]
     rows = [row._replace(cells=_SAYS.split(row.cells[0], 1)) if len(row.cells) == 1 else row for row in rows]
-    first = {row.cells[0].strip(): row for row in rows[:-1] if len(row.cells) in (2, 3)}
+    first = {row.cells[0].strip(): row for row in rows[:-1] if len(row.cells) > 1}
     told = {name: row for name, row in first.items() if name and names.count(name) == 1 and row.cells[1].strip()}
     return told if len(told) > 1 else {}
 
@@ -105,5 +105,6 @@ def with_lines(
     units = [
         next(filter(is_unit, reversed(said.get(name, []))), unit) for name, unit in zip(names, beside, strict=True)
     ]
-    more = {name: cells[0] for name, cells in said.items() if not is_number(cells[0]) and not is_unit(cells[0])}
+    words = {name: [one for one in cells if one and not is_unit(one)] for name, cells in said.items()}
+    more = {name: " ".join(cells) for name, cells in words.items() if cells and not any(map(is_number, cells))}
     return [f"{name} {more[name]}" if name in more else name for name in names], units

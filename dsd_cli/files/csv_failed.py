@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Mapping
 from io import BytesIO, TextIOWrapper
 from itertools import islice
+from shlex import quote
 
 from dsd_cli.errors import DataError
 from dsd_cli.files import csv_cells as cells
@@ -12,6 +15,10 @@ from dsd_cli.files import csv_dialect as dialects
 from dsd_cli.files.csv_cells import Written
 from dsd_cli.files.csv_dialect import Dialect
 from dsd_cli.files.table_source import read_head
+
+#: Rows that are looked at for their kinds, and those that each of two kinds has at least.
+LOOKED_AT, FEW = 20_000, 10
+_KIND = re.compile(r"[^\W\d]\w*")
 
 
 def headless(name: str, head: bytes) -> DataError:
@@ -39,6 +46,8 @@ def why_unread(
                 return DataError(f"{where}: {stray}", "mend or delete the line")
             fields = dialects.fields_of(line, header.delimiter)
             if len(fields) != len(header.names):
+                if kinds := _kinds(name, content, header.delimiter):
+                    return kinds
                 return DataError(
                     f"{where}: {len(fields)} fields where the header has {len(header.names)}",
                     "mend or delete the line",
@@ -47,6 +56,25 @@ def why_unread(
                 if problem := _problem(canonical, fields[at], dialect, dialect.written.get(at)):
                     return DataError(f'{where}, column "{header.names[at]}": {problem[0]}', problem[1])
     return DataError(f"{name}: cannot be read ({str(error).splitlines()[0]})")
+
+
+def _kinds(name: str, content: bytes | None, delimiter: str) -> DataError | None:
+    """Of rows that begin with the word for their kind, each as wide as its kind: how the largest is cut out; None: not
+    so. Its names are those of a row that says them behind that word, as FMT of an autopilot's log does."""
+    with open(name, "rb") if content is None else BytesIO(content) as file:
+        lines = [dialects.decode(line.rstrip(b"\r\n")) for line in islice(file, LOOKED_AT)]
+    rows = [[cell.strip() for cell in dialects.fields_of(line, delimiter)] for line in lines]
+    kinds = Counter(row[0] for row in rows if _KIND.fullmatch(row[0]))
+    widths = {(row[0], len(row)) for row in rows if kinds[row[0]] >= FEW}
+    own = len({kind for kind, _ in widths}) == len(widths) and len({width for _, width in widths}) > 1
+    if not own or min(width for _, width in widths) < 2 or sum(kinds.values()) < sum(map(any, rows)):
+        return None
+    kind = kinds.most_common(1)[0][0]
+    fields = max(width for one, width in widths if one == kind) - 1
+    said = (row[-fields:] for row in rows if kind in row[1:-fields] and all(map(_KIND.fullmatch, row[-fields:])))
+    names = delimiter.join(["kind", *next(said, [str(k + 2) for k in range(fields)])])
+    how = f"cut out the one with the motion: (echo '{names}'; grep '^{kind}{delimiter}' {quote(name)}) > {kind}.csv"
+    return DataError(f"{name}: has rows of {len(kinds)} kinds, each with columns of its own: {', '.join(kinds)}", how)
 
 
 def _problem(canonical: str, text: str, dialect: Dialect, how: Written | None) -> tuple[str, str] | None:

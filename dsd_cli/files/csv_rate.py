@@ -7,8 +7,10 @@ from collections.abc import Sequence
 
 from dsd_cli.files.csv_cells import MISSING, is_number, number
 from dsd_cli.files.csv_layout import Found
-from dsd_cli.signals.clock import FASTEST, SLOWEST
+from dsd_cli.files.words import TIME_UNITS, plain_unit
+from dsd_cli.signals.clock import FASTEST, SLOWEST, TIME_SCALE
 
+_TIME = f"(?:{'|'.join(sorted({*TIME_UNITS, 'µs', 'µsec'} - {'100ns'}, reverse=True))})"
 #: What a preamble calls the time from row to row, or how many there are in a second; the unit before or after a number.
 _VALUE = r"[ _a-z]*[\[(]?({0})?[\])]?[\"\s:;,=]+([.,]?\d+(?:[.,]\d+)*(?:e[-+]?\d+)?)(?:[\s\"\'\[(,;]*({0})\b)?"
 _INTERVAL, _RATE = (
@@ -16,8 +18,8 @@ _INTERVAL, _RATE = (
     for names, units in (
         (
             r"(?:sampl\w*[ _]?(?:time|interval|period|cycle)|abtastzeit|trace period|delta_?x|h_?resolution|\binterval"
-            r"|\bsampling(?=\W+(?:[\d.,]+\s*)?(?:m|u|µ)?s\b))",
-            "s|ms|us|µs",
+            rf"|\bsampling(?=\W+(?:[\d.,]+\s*)?{_TIME}\b))",
+            _TIME,
         ),
         (
             r"(?:sampl\w*[ _]?(?:rate|freq\w*)|abtast(?:rate|frequenz)|\bfs(?=\W.*hz)|\bsampling(?=\W+[\d.,]+\s*k?hz))",
@@ -25,7 +27,7 @@ _INTERVAL, _RATE = (
         ),
     )
 )
-_SCALE = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "hz": 1.0, "khz": 1e3}
+_HERTZ = {"hz": 1.0, "khz": 1e3}
 
 
 def sample_time_of(lines: Sequence[str], found: Found) -> float | None:
@@ -37,8 +39,8 @@ def sample_time_of(lines: Sequence[str], found: Found) -> float | None:
         for kind in (_INTERVAL, _RATE):
             if (said := kind.search(line)) and is_number(said[2]) and (value := number(said[2])) > 0.0:
                 unit = said[1] or said[3]
-                value *= _SCALE[(unit or "s").lower()]
-                seconds = value if kind is _INTERVAL else 1.0 / value
+                named = plain_unit(unit or ("s" if kind is _INTERVAL else "hz"))
+                seconds = value * TIME_SCALE[TIME_UNITS[named]] if kind is _INTERVAL else 1.0 / (value * _HERTZ[named])
                 if unit or FASTEST <= seconds <= SLOWEST:  # `Sampling time; 500` may be us
                     return seconds
     return None

@@ -19,7 +19,7 @@ _PARTS |= {"usec": 1e-6, "usecs": 1e-6, "microsec": 1e-6, "microseconds": 1e-6}
 _THOUSANDTHS = {word for word, unit in TIME_UNITS.items() if unit == "ms"}
 _SECONDS = {"sec", "secs", "seconds", "s"}
 _LAST = re.compile(r"[^A-Za-z]?([A-Za-z]+)$")
-_WHOLE = re.compile(r"\s*\d{1,10}\s*")
+_WHOLE = re.compile(r"\s*(?:\d{1,10}|\d(?:\.\d+)?e\+0?\d)\s*")  # printf's %g writes 2e+06
 #: Seconds since 1970 of today have so many digits; parts of one go from nothing to this.
 _OF_TODAY, _SECOND = 10, 10**9
 
@@ -47,15 +47,19 @@ def split_stamps(names: Sequence[str], lines: Sequence[str], delimiter: str) -> 
         if _LAST.fullmatch(b.strip()) and b.strip().lower() in _THOUSANDTHS and _of_dates(rows, at):
             return Split(f"{a}+{b}", at, 1e-3)
         whole = all(_WHOLE.fullmatch(row[at]) for row in rows)
-        if whole and (scale := _by_name(a, b) or _by_deeds([(int(row[at]), int(row[at + 1])) for row in rows])):
+        if whole and (scale := _by_name(a, b) or _by_deeds([(_int(row[at]), _int(row[at + 1])) for row in rows])):
             return Split(f"{a}+{b}", at, scale)
     return None
+
+
+def _int(cell: str) -> int:
+    return int(float(cell))
 
 
 def _of_dates(rows: Sequence[Sequence[str]], at: int) -> bool:
     """Whether these are dates, or times of day, of whole seconds, and beside them thousandths: all that has gone by
     since a start begins at 0 and does not begin anew."""
-    dates, parts = [row[at] for row in rows], [int(row[at + 1].strip('"')) for row in rows]
+    dates, parts = [row[at] for row in rows], [_int(row[at + 1].strip('"')) for row in rows]
     anew = parts[0] > 0 or any(b < a for a, b in pairwise(parts))
     whole = all(":" in cell and is_number(cell) and number(cell) == round(number(cell)) for cell in dates)
     return whole and max(parts) < 1000 and anew

@@ -17,8 +17,8 @@ from dsd_cli.files.words import ASKED, MEASURED
 
 #: What shows that a joint moves, best first.
 MOTION = ("velocity", "position", "d_hat")
-#: Rows that are looked at.
-ROWS = 200_000
+#: Rows that are looked at, and joints that a line lists.
+ROWS, LISTED = 200_000, 8
 #: LeftHip is two words.
 _TOKEN = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|[^\W\d_]|[\W_]+")
 
@@ -46,7 +46,10 @@ def other_joints(path: str, look: FirstLook, told: Collection[str] = ()) -> tupl
             return set(), []
         moves = _moves(path, moving)
         best = max(moves, key=lambda label: moves[label])
-        listed = ", ".join(f"{label} {spread:.3g}" for label, spread in moves.items())
+        most = sorted(moves, key=lambda label: -moves[label])[:LISTED]
+        listed = ", ".join(f"{label} {moves[label]:.3g}" for label in moves if label in most) + ", ..." * (
+            len(moves) > LISTED
+        )
         why = f"it moves most (standard deviation of {shared}: {listed})"
     nearest = sorted(looks, key=lambda label: -moves.get(label, 0.0))
     others = [looks[label]["u"].column for label in nearest if label != best and "u" in looks[label]]

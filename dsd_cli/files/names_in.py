@@ -97,7 +97,7 @@ def unit_in(name: str, channel: str) -> str:
         return last  # rpm, volt, counts: nothing but a unit; one letter is a name
     *before, unit = re.split(r"[_\s]", last)
     if channel == "u" and any(before) and unit.lower() in OF_U:
-        return unit.lower()  # mNm is one word
+        return unit  # mNm is one word
     words = [word for word in words_in(last) if word != "per"]
     for many in (2, 1):
         if len(words) > many and (last := plain_unit("/".join(words[-many:]))) in known:  # RadPerSec

@@ -229,6 +229,9 @@ def _score(channel: str, column: str) -> float:
     if not is_named(text):
         text = IN_BRACKETS.sub(lambda one: f" {one[1]} " if is_named(one[1]) else " ", column)
     group, _, last = HEX.sub(" ", text).rpartition("/")
+    within, _, own = last.rpartition(".")
+    if within and any(_word_score(one, words_in(own), "".join(words_in(own))) > 0.0 for one in WORDS):
+        group, last = f"{group}/{within}", own  # axis0.pos_vel_mapper.pos_rel; IL.FB says nothing by its end
     words = words_in(last)
     joined = "".join(words)
     around = set(words_in(group))

@@ -13,8 +13,8 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     ),
     "d_hat": ("dhat", "disturbance", "dist", "dob", "stoerung"),
     "u": (
-        "u", "iq", "torque", "trq", "effort", "current", "force", "voltage", "moment", "strom", "drehmoment", "kraft",
-        "tau", "control", "input", "thrust", "volts", "duty", "pwm", "couple", "courant", "coppia", "corrente",
+        "u", "iq", "torque", "trq", "effort", "current", "amps", "force", "voltage", "moment", "strom", "drehmoment",
+        "kraft", "tau", "control", "input", "thrust", "volts", "duty", "pwm", "couple", "courant", "coppia", "corrente",
         "corriente", "voltaje", "トルク", "電流", "推力", "转矩", "扭矩", "电流",
     ),
     "velocity": (

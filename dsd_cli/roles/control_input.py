@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import permutations
 from typing import NamedTuple
@@ -45,11 +45,7 @@ class Cause(NamedTuple):
 def motion_columns(dt: float, x: Array, kind: str, size: int) -> Array:
     """Acceleration, velocity, direction, one (and place and its square, of weights and springs) of the means of blocks.
 
-    Of shape (blocks, k).
-
-    Parameters
-    ----------
-    x : position or velocity, shape (n,); kind : which. size : samples in a block.
+    Of shape (blocks, k). x : position or velocity, shape (n,); kind : which. size : samples in a block.
     """
     rows = x.size // size
     mean = x[: rows * size].reshape(rows, size).mean(axis=1)
@@ -124,9 +120,9 @@ class Motion(NamedTuple):
 class Look:
     """What is known so far: values without holes, on steps of `dt` (1 where there is no clock).
 
-    `rivals` : columns that could be u as well as the one that is called so, best first. `steps` : those of two levels,
-    which no motion explains, and one of which may be u. `asked` : what was asked for, by its name. `again` : by what it
-    does, or the motion by another sensor.
+    `rivals` : role -> columns that are called so as well, best first. `steps` : those of two levels, which no motion
+    explains, and one of which may be u. `asked` : what was asked for, by its name. `again` : by what it does, or the
+    motion by another sensor.
     """
 
     values: dict[str, Array]
@@ -135,7 +131,7 @@ class Look:
     found: dict[str, Guess]
     never_motion: frozenset[str] = frozenset()
     never_cause: frozenset[str] = frozenset()
-    rivals: tuple[str, ...] = ()
+    rivals: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     steps: frozenset[str] = frozenset()
     asked: frozenset[str] = frozenset()
     causes: dict[str, Cause] = field(default_factory=dict)
@@ -145,13 +141,16 @@ class Look:
         taken = {guess.column for guess in self.found.values()}
         return [name for name in self.values if name not in taken]
 
+    def named_too(self, role: str) -> list[str]:
+        """Those of them whose names make them that as well."""
+        return [name for name in self.rivals.get(role, ()) if name in self.free()]
+
     def movable(self) -> list[str]:
         """Those of them that may be a motion that was measured."""
         return [name for name in self.free() if name not in self.never_motion | self.asked]
 
 
-#: A channel makes an axis move from this share of it on that the motion explains; below the second it is a guess to ask
-#: about.
+#: A channel makes an axis move from this share of it on that the motion explains; less than the second is a guess.
 IS_CAUSE, CLEARLY = 0.3, 0.7
 
 
@@ -161,10 +160,12 @@ def find_cause(look: Look) -> None:
     motions = [Motion(found[role].column, role) for role in ("velocity", "position") if role in found]
     motions = [one for one in motions if one.column in look.values]
     known = bool(motions)
+    candidates = [found["u"].column] if "u" in found and found["u"].column in look.values else look.free()
+    if known and "position" not in found and look.named_too("velocity"):
+        motions = [_of_speeds(look, motions[0], [name for name in candidates if name not in look.never_cause])]
     if "u" in found and known:
         _doubt_cause(look, motions)
         return
-    candidates = [found["u"].column] if "u" in found and found["u"].column in look.values else look.free()
     if known:
         pairs = [(name, one.column) for name in candidates for one in motions if one.column != name]
         look.again |= {x for x, moved in pairs if lead_of(look.values[x], look.values[moved]) is not None}
@@ -175,9 +176,18 @@ def find_cause(look: Look) -> None:
     best = _best(look, motions, candidates, known)
     if best is None or best[0] < (IS_CAUSE if known else CLEARLY):
         return
-    if not known and "u" not in found and _as_likely(look, *best):
-        return
-    _take(look, *_raw(look, *best, candidates))
+    if known or "u" in found or not _as_likely(look, *best):
+        _take(look, *_raw(look, *best, candidates))
+
+
+def _of_speeds(look: Look, first: Motion, candidates: Sequence[str]) -> Motion:
+    """Of several that only their names make the velocity the one that explains what makes it move best."""
+    called = [first, *(Motion(name, "velocity") for name in look.named_too("velocity"))]
+    share, best, cause = _best(look, called, candidates, True) or (0.0, first, "")
+    if share < CLEARLY or best == first:
+        return first
+    look.found["velocity"] = Guess(best.column, f"it explains {cause} better than {first.column} does")
+    return best
 
 
 def _best(
@@ -228,7 +238,7 @@ def _doubt_cause(look: Look, motions: Sequence[Motion]) -> None:
     None is u where that does so by less. The motion in another unit, and what was asked for, make no doubt.
     """
     mine = look.found["u"].column
-    others = [name for name in look.rivals if name in look.free()]
+    others = look.named_too("u")
     if mine not in look.values or not others:
         return
     moved = [look.values[one.column] for one in motions]

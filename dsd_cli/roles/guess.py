@@ -19,10 +19,8 @@ IS_SLOPE = 0.98
 IS_SLOPE_BESIDE_U = 0.9
 #: And wholly that from this share on.
 WHOLLY = 0.995
-#: Rows and channels that are looked at.
-ROWS, CHANNELS = 60_000, 14
-#: Fewest rows out of which behaviour says a role.
-FEWEST = 50
+#: Rows and channels that are looked at, and fewest rows out of which behaviour says a role.
+ROWS, CHANNELS, FEWEST = 60_000, 14, 50
 #: A position that has a name is believed where the velocity is its slope nearly as well as of another: what is left of
 #: one that was asked for, the tracking error, is more than this many times what is left of the measured one.
 DOUBTED = 3.0
@@ -51,7 +49,7 @@ def guess_roles(
     motions: frozenset[str] = frozenset(),
     *,
     told: Collection[str] = (),
-    rivals: tuple[str, ...] = (),
+    rivals: Mapping[str, tuple[str, ...]] | None = None,
     asked: frozenset[str] = frozenset(),
     scale: float = 1.0,
 ) -> Roles:
@@ -63,7 +61,7 @@ def guess_roles(
     named : role -> column, what names and units say; kept as it is.
     forces : columns whose name or unit says that they are no motion. motions : that they are one, and so not u.
     told : roles of `named` that the user named: these are beyond doubt.
-    rivals : columns whose names make them u as well, best first.
+    rivals : role -> columns whose names make them that as well, best first.
     asked : columns whose names say that they were asked for: none is a motion that was measured.
     scale : s per unit of the time column.
     """
@@ -74,7 +72,7 @@ def guess_roles(
         found["time"] = clock
     look = _looked(by_name, facts, found, scale)
     steps = frozenset(n for n, one in facts.items() if one.kind == "boolean" and (one.low, one.high) != (0.0, 1.0))
-    look = Look(look.values, look.t, look.dt, found, forces, motions, rivals, steps, asked)
+    look = Look(look.values, look.t, look.dt, found, forces, motions, rivals or {}, steps, asked)
     if look.t.size >= FEWEST:
         _find_motion(look)
         _doubt_reference(look)
@@ -89,11 +87,8 @@ def guess_roles(
 
 def _clock(facts: Mapping[str, Facts]) -> Guess | None:
     """What rises most evenly; a count of the samples is a clock only where there is no other."""
-    clocks = [
-        (round(one.even, 2), one.kind, at, name)
-        for at, (name, one) in enumerate(facts.items())
-        if one.kind in ("clock", "counter")
-    ]
+    found = [(at, name, one) for at, (name, one) in enumerate(facts.items()) if one.kind in ("clock", "counter")]
+    clocks = [(round(one.even, 2), one.kind, at, name) for at, name, one in found]
     if not clocks:
         return None
     _, kind, _, name = min(clocks)
@@ -109,8 +104,7 @@ def _looked(by_name: Mapping[str, Array], facts: Mapping[str, Facts], found: Map
     moving = [name for name in by_name if name != clock and facts[name].moves]
     wanted = [guess.column for role, guess in found.items() if role != "time" and guess.column in by_name]
     moving = [*dict.fromkeys([*wanted, *moving])][:CHANNELS]
-    most = ROWS if by_name else 0
-    table = {name: by_name[name][:most] for name in moving}
+    table = {name: by_name[name][:ROWS] for name in moving}
     rows = min((x.size for x in table.values()), default=0)
     t = by_name[clock][:rows] * scale if clock in by_name else np.arange(rows, dtype=np.float64)
     table = {name: _filled(t, x[:rows]) for name, x in table.items()}
@@ -118,10 +112,9 @@ def _looked(by_name: Mapping[str, Array], facts: Mapping[str, Facts], found: Map
     good[1:] &= np.diff(t, prepend=t[:1])[1:] > 0.0 if rows else True
     values = {name: x[:rows][good] for name, x in table.items()}
     t = t[good]
-    if t.size > 2:
-        clocks = [n for n in values if facts[n].kind == "clock" and n not in wanted]
-        straight = {n for n in clocks if 1.0 - abs(np.corrcoef(t, values[n])[0, 1]) < ROUNDING}
-        values = {n: x for n, x in values.items() if n not in straight}
+    clocks = [n for n in values if t.size > 2 and facts[n].kind == "clock" and n not in wanted]
+    straight = {n for n in clocks if 1.0 - abs(np.corrcoef(t, values[n])[0, 1]) < ROUNDING}
+    values = {n: x for n, x in values.items() if n not in straight}
     steps = np.diff(t)
     return Look(values, t, float(np.median(steps)) if steps.size else 1.0, dict(found))
 
@@ -144,15 +137,14 @@ def _find_motion(look: Look) -> None:
         _doubt_motion(look, p, w, free)
         return
     best: tuple[Slope, str, str] | None = None
-    for one in [p] if p else free:
-        for other in [w] if w else free:
-            if one == other:
-                continue
-            slope = slope_of(look.t, look.values[one], look.values[other])
-            if slope.share <= IS_SLOPE and not ("u" in found and _swings(look, one, other, slope)):
-                continue
-            if best is None or _fits_motion(look, (slope, one, other), best):
-                best = slope, one, other
+    pairs = [(one, other) for one in ([p] if p else free) for other in ([w] if w else free) if one != other]
+    pairs += [] if p else [(w, other) for other in look.named_too("velocity")]
+    for one, other in pairs:
+        slope = slope_of(look.t, look.values[one], look.values[other])
+        if slope.share <= IS_SLOPE and not ("u" in found and _swings(look, one, other, slope)):
+            continue
+        if best is None or _fits_motion(look, (slope, one, other), best):
+            best = slope, one, other
     if best is None:
         return
     (_, share, lag, span), one, other = best
@@ -161,7 +153,7 @@ def _find_motion(look: Look) -> None:
     doubt = early if share > WHOLLY else f"{100 * (1 - share):.1f} % of it is something else"
     if not p:
         found["position"] = Guess(one, f"{other} is its slope{averaged}")
-    if not w:
+    if w != other:
         found["velocity"] = Guess(other, f"it is the slope of {one}{averaged}", doubt)
 
 
@@ -197,13 +189,11 @@ def _doubt_motion(look: Look, p: str, w: str, free: Sequence[str]) -> None:
         look.found["position"] = Guess(w, f"{p} is its slope, whatever the names say")
         look.found["velocity"] = Guess(p, f"it is the slope of {w}, whatever the names say")
         return
-    of_w = [(slope_of(look.t, look.values[other], look.values[w]).share, other) for other in free]
-    share, best = max(of_w, default=(0.0, p))
+    share, best = max([(slope_of(look.t, look.values[o], look.values[w]).share, o) for o in free], default=(0.0, p))
     if _fits_better(share, mine) and look.found["position"].reason != AS_TOLD:
         look.found["position"] = Guess(best, f"{w} is its slope, and not that of {p}")
         return
-    of_p = [(slope_of(look.t, look.values[p], look.values[other]).share, other) for other in free]
-    share, best = max(of_p, default=(0.0, w))
+    share, best = max([(slope_of(look.t, look.values[p], look.values[o]).share, o) for o in free], default=(0.0, w))
     if mine < UNRELATED and _fits_better(share, mine) and look.found["velocity"].reason != AS_TOLD:
         look.found["velocity"] = Guess(best, f"it is the slope of {p}, and {w} is not")
 

@@ -75,7 +75,7 @@ def settle_clock(stamps: Array) -> Clock:
     rounding = float(stamp_rounding(float(np.abs(finite).max())))
     mean = float(usual.mean())
     regular = bool(np.all(np.abs(usual - mean) <= REGULAR * mean + rounding))
-    return Clock(_plain(mean, rounding), median, regular)
+    return Clock(plain(mean, rounding / usual.size), median, regular)  # of the mean only the ends are rounded
 
 
 def stamp_rounding(magnitude: Array | float) -> Array | float:
@@ -83,10 +83,11 @@ def stamp_rounding(magnitude: Array | float) -> Array | float:
     return 4 * np.finfo(float).eps * magnitude
 
 
-def _plain(value: float, rounding: float) -> float:
-    """0.001 instead of 0.00099999999999988: the shorter number where the stamps cannot distinguish the two."""
-    short = float(f"{value:.6g}")
-    return short if abs(short - value) <= rounding + 1e-12 * value else value
+def plain(value: float, within: float) -> float:
+    """0.001 instead of 0.000999991: the shortest number where the stamps, which say it to `within`, cannot distinguish
+    the two."""
+    shorter = (float(f"{value:.{digits}g}") for digits in range(1, 7))
+    return next((short for short in shorter if abs(short - value) <= within + 1e-12 * value), value)
 
 
 def suspicious(sample_time: float) -> str | None:

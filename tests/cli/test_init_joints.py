@@ -208,3 +208,15 @@ def test_no_acceleration_is_asked_for_as_u(name: str, tmp_path: Path) -> None:
     listed = last.partition("voltage)? ")[2].partition(";")[0]
     assert sorted(listed.split(", ")) == ["xx", "yy"]
     assert not is_neither("acc_torque", "")
+
+
+def test_of_many_joints_few_are_listed(tmp_path: Path) -> None:
+    table = {"t": AXIS["t"]}
+    for k in range(12):
+        size = 1.0 + 0.1 * k
+        table |= {f"torque{k}": size * AXIS["u"], f"position{k}": size * AXIS["q"]}
+    said, _, found = written(tmp_path, table)
+    (line,) = [line for line in said.splitlines() if "it moves most" in line]
+    assert (found["position"], line.count("position"), line.count(", ...")) == ("position11", 1, 1)
+    assert " 11 " in line
+    assert " 3 " not in line  # the eight that move most

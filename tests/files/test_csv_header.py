@@ -152,6 +152,10 @@ def test_names_that_are_units_too() -> None:
         ("# Sampling rate [kHz]: 2.5", 4e-4),
         ("# Abtastrate;250", 4e-3),
         ("# fs = 5 A", None),
+        ("SAMPLING,1,msec", 1e-3),
+        ("Sampling interval [µsec];250", 2.5e-4),
+        ("Sampling time: 2 milliseconds", 2e-3),
+        ("Sampling time: 2 secs", 2.0),
     ],
 )
 def test_a_rate_above_the_numbers_says_how_far_rows_are_apart(said, step):
@@ -241,6 +245,10 @@ def test_a_preamble_with_a_line_for_each_channel() -> None:
     found = seen(*said, *(f"{k},{k / 8},{-k / 16}" for k in range(12)))
     assert found.header.names == ["No.", "Trace 1 Feedback Speed", "Trace 2 Torque Reference"]
     assert found.units == ["", "min-1", "%"]
+    axes = ["C1,Axis 1,Torque,%", "C2,Axis 1,Speed,1/min", "C3,Axis 2,Place,mm", "No,C1,C2,C3"]  # as wide as the rows
+    found = seen(*axes, *(f"{k},{k / 8},{-k / 16},{k / 4}" for k in range(12)))
+    assert found.header.names == ["No", "C1 Axis 1 Torque", "C2 Axis 1 Speed", "C3 Axis 2 Place"]
+    assert found.units == ["", "%", "1/min", "mm"]
     objects = ["Trace 1,0x606C: Velocity,rpm,", "Trace 2,0x6077: Torque,%,", ",,,", "Time,Trace 1,Trace 2"]
     found = seen("Rate,1 ms,,", *objects, *(f"{k},{k / 8},{-k / 16}" for k in range(12)))
     assert found.header.names[1:] == ["Trace 1 0x606C: Velocity", "Trace 2 0x6077: Torque"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -26,6 +27,7 @@ def table(start: int, header: str, per_part: int = 1) -> str:
         (table(START, "sec,nanosec,frame_id,name,q\n"), "sec+nanosec", START),
         (table(0, "header.stamp.secs,header.stamp.nsecs,f,n,q\n"), "header.stamp.secs+header.stamp.nsecs", 0),
         (table(0, "tv_sec,tv_usec,f,n,q\n", 1000), "tv_sec+tv_usec", 0),
+        (re.sub(r",(\d+),,", lambda of: f",{int(of[1]):g},,", table(0, "sec,nsec,f,n,q\n")), "sec+nsec", 0),
     ],
 )
 def test_both_columns_are_one_time(text: str, name: str, start: int, tmp_path: Path) -> None:

@@ -15,9 +15,10 @@ from dsd_cli.files.arrow_arrays import as_float64, is_number_type, texts_of
 from dsd_cli.files.csv_cells import MISSING, is_number, number, stamps_in
 from dsd_cli.files.csv_in import CsvTable
 from dsd_cli.files.formats.base import InMemory, check_size
-from dsd_cli.files.names_in import is_unit
+from dsd_cli.files.names_in import is_unit, words_in
 from dsd_cli.files.parquet_in import ParquetTable
 from dsd_cli.files.recognise import is_time, recognise
+from dsd_cli.files.words import TIME_UNITS
 from dsd_cli.signals.log import Array
 
 #: Rows that are looked at.
@@ -133,7 +134,8 @@ def form_of(columns: Mapping[str, Any]) -> Long | None:
         spelt = {name: stamps_in(cells) for name, cells in said.items() if cells and name not in texts}  # 0,5 and dates
         worded = {name: _with_words(said[name] or []) for name, x in spelt.items() if x is None}
         return form_by_texts({n: x for n, x in {**spelt, **worded, **numbers}.items() if x is not None}, texts)
-    whole = (name for name, x in numbers.items() if np.all(x == np.round(x)) and are_names(x.tolist()))
+    named = {name: x for name, x in numbers.items() if TIME_UNITS.keys().isdisjoint(words_in(name))}  # nsec comes again
+    whole = (name for name, x in named.items() if np.all(x == np.round(x)) and are_names(x.tolist()))
     for name in whole:
         codes = np.unique(numbers[name], return_inverse=True)[1]
         form = _form((name,), codes, numbers)

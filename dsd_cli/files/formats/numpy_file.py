@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.files.formats.base import InMemory, check_size, columns_of
+from dsd_cli.files.formats.base import InMemory, check_size, columns_of, says_sample_time
 from dsd_cli.signals.log import Array
 
 
@@ -16,6 +16,7 @@ class NumpyFile(InMemory):
     def __init__(self, path: str) -> None:
         loaded: Any = np.load(path, allow_pickle=False)
         channels: dict[str, Array] = {}
+        said: set[float] = set()
         if isinstance(loaded, np.ndarray):
             channels = columns_of("" if loaded.dtype.names else "data", loaded)
         else:
@@ -24,7 +25,12 @@ class NumpyFile(InMemory):
                 check_size(path, sum(info.file_size for info in loaded.zip.infolist()))
                 for name in loaded.files:
                     try:
-                        channels |= columns_of(name, loaded[name])
+                        values = loaded[name]
+                        channels |= columns_of(name, values)
                     except ValueError:  # an array of Python objects
                         skipped.append(name)
+                        continue
+                    if values.size == 1 and says_sample_time(name, values.item()):
+                        said.add(float(values.item()))
         super().__init__(channels)
+        self.sample_time = said.pop() if len(said) == 1 else None

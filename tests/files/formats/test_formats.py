@@ -131,6 +131,14 @@ def test_an_archive_of_numpy_of_a_version_that_there_is_not_is_one_line(tmp_path
         read(path, names)
 
 
+@pytest.mark.parametrize(
+    ("said", "step"), [({"dt": 2e-3}, 2e-3), ({"dt": 2e-3, "Ts": 1e-3}, None), ({"K": 2e-3}, None)]
+)
+def test_a_number_in_an_archive_of_numpy_says_how_far_rows_are_apart(said, step, tmp_path: Path) -> None:
+    np.savez(tmp_path / "log.npz", q=np.arange(60.0), tau=np.ones(60), **said)
+    assert sample(str(tmp_path / "log.npz")).sample_time == step
+
+
 @pytest.mark.parametrize("shuffled", [False, True])
 def test_rows_by_their_numbers_are_in_the_order_of_these(shuffled, tmp_path: Path) -> None:
     made = makers.json_by_rows(tmp_path, data := channels(300))

@@ -37,6 +37,7 @@ def test_states_trials_counters_and_remarks_are_no_names():
     assert form(t=T, u=U, q=Q, remark=[f"row {k}" for k in range(ROWS)]) is None
     assert form(t=T, u=U, remark=["started", *[""] * (ROWS - 1)]) is None
     assert form(t=T, u=U, q=Q) is None
+    assert form(sec=np.arange(ROWS) // 10, nsec=np.tile(np.arange(10) * 10**8, 20), u=U, q=Q) is None
 
 
 @pytest.mark.parametrize("missing", [False, True])

@@ -1,0 +1,133 @@
+"""The numbers that `dsd init` writes: what is identified from the log, as every command will take it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from dsd_cli.cli.init_delay import explains, only_channel, put_delays, short
+from dsd_cli.cli.init_proposal import Proposal
+from dsd_cli.cli.recordings import by_updates, on_its_clock
+from dsd_cli.files.first_look import time_unit_of
+from dsd_cli.files.logs import LoadedLog
+from dsd_cli.identify.checks import CheckResult, check_log, without_late
+from dsd_cli.identify.checks.clock import jitter
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.plant.observer import observe_log
+from dsd_cli.plant.prediction import predict_d_hat
+from dsd_cli.signals.clock import FASTEST, SLOWEST, TIME_SCALE, plain
+from dsd_cli.signals.log import Array, Log
+
+#: The window, in s and in samples at least and at most; rho, as a multiple of what the first model leaves, and as a
+#: share of u where there is no model.
+WINDOW, FEWEST, MOST = 0.1, 50, 5000
+RHO_OF_LEFT, RHO_OF_U = 1.5, 0.1
+#: rho at least, as a share of u: no sensor is better than that.
+RHO_LEAST = 0.002
+
+
+def propose_numbers(
+    loaded: LoadedLog, factors: dict[str, float], out: Proposal, doubted: bool, given: Mapping[str, str]
+) -> None:
+    """What is identified from the log; `doubted`: its unit of time is, too, if it makes no servo log."""
+    rows, warned = len(loaded.log), len(loaded.warnings)
+    loaded, noisy = _evened(by_updates(loaded), out, given)
+    out.said += [*loaded.warnings[warned:], *noisy]
+    checked = check_log(loaded.log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors)
+    loaded = _without_late(loaded, checked, out, given)
+    log = loaded.log
+    step = log.sample_time if loaded.regular else float(f"{checked.seconds / checked.samples:.4g}")
+    if doubted:
+        _doubt_time_unit(step, out)
+    clock = "regular" if loaded.regular else "irregular stamps"
+    out.said.append(f"sample time {step:g} s ({clock}), from the first {rows:,} rows, {checked.seconds:.3g} s")
+    out.put("observer", "time_constant", float(f"{5 * step:.3g}"), "5 samples; take your observer's if d_hat is logged")
+    window = int(np.clip(round(WINDOW / step), FEWEST, MOST))
+    out.put("detector", "window", window, f"{window * step:.3g} s")
+    out.said += [f"{one.what}: {one.remedy}" for one in checked.errors]
+    if _told(checked, "inertia") is None and not checked.errors:  # too little for the scan may do beside a model
+        checked = check_log(log, PlantModel(1.0), None, loaded.restarts)
+    inertia, delay = _told(checked, "inertia"), _told(checked, "delay")
+    if inertia is None or inertia <= 0.0:
+        _without_inertia(log, out)
+        put_delays(max(delay or 0.0, 0.0), step, False, out, only_channel(log))
+        return
+    inertia = float(f"{inertia:.3g}")
+    out.put("observer", "nominal_inertia", inertia, "identified from this log, per unit of u")
+    out.put("model", "inertia", inertia)
+    out.put("states", "inertias", [short(0.67 * inertia), inertia, short(1.5 * inertia)])
+    at = max(delay or 0.0, 0.0)
+    alone = at > 0.5 * step and explains(check_log(log, PlantModel(inertia, at), None, loaded.restarts), "delay")
+    put_delays(at, step, alone, out, only_channel(log))
+    left = _left(loaded, PlantModel(inertia, at if alone else 0.0), ObserverSettings(inertia, 5 * step, 1))
+    if 0.0 < left < float(np.std(log["u"])):  # more is no fit at all, as of trials joined in one file
+        rho = float(f"{max(RHO_OF_LEFT * left, RHO_LEAST * float(np.std(log['u']))):.3g}")
+        out.put("detector", "rho", rho, f"{RHO_OF_LEFT:g} times what inertia and delay leave")
+
+
+def _evened(loaded: LoadedLog, out: Proposal, given: Mapping[str, str]) -> tuple[LoadedLog, list[str]]:
+    """The log on an even clock where its stamps are noise on one, as every command takes it; that is written where no
+    sample is missing, and the user named no time."""
+    even, noisy = on_its_clock(loaded)
+    whole = bool(noisy) and np.ptp(np.diff(even.log["t"])) < 0.5 * even.log.sample_time
+    if whole and not loaded.restarts and "time" not in given:
+        usual, share = jitter(loaded.log, ())
+        apart = plain(even.log.sample_time, 2.0 * share * usual / len(loaded.log))
+        out.put("signals", "time", "", "its stamps are noise on an even clock")
+        out.put("signals", "sample_time", apart)
+        even = replace(even, log=replace(even.log, sample_time=apart))
+    return even, noisy
+
+
+def _without_late(loaded: LoadedLog, checked: CheckResult, out: Proposal, given: Mapping[str, str]) -> LoadedLog:
+    """The log without a velocity that is later than its position, as every command takes it, and the config, too."""
+    late = next((one for one in checked.findings if one.late_channel == "velocity"), None)
+    if late is None or checked.errors or "velocity" in given:
+        return loaded
+    out.values = {key: text for key, text in out.values.items() if not key[1].startswith("velocity")}
+    out.said = [line for line in out.said if not line.startswith("velocity_")]
+    out.put("signals", "velocity", "", f"{late.what}: the position alone is used")
+    return replace(loaded, log=without_late(loaded.log, late))
+
+
+def _without_inertia(log: Log, out: Proposal) -> None:
+    """rho is how far d_hat strays: without a d_hat in the log it asks for the nominal inertia that makes one."""
+    if "d_hat" not in log:
+        out.said.append(
+            "nominal_inertia, inertias and rho are the template's, not of this log: inertia is not identifiable here; "
+            "put yours before dsd detect"
+        )
+        return
+    rho = RHO_OF_U * float(np.std(log["u"]))
+    if 0.0 < rho < math.inf:  # of a corrupt cell (1e300) a square is no number
+        out.put("detector", "rho", float(f"{rho:.3g}"), "a tenth of what u does: inertia is not identifiable here")
+
+
+def _doubt_time_unit(step: float, out: Proposal) -> None:
+    """Say so where the unit in a name makes a sample time that no servo log has, and another unit would not."""
+    unit = json.loads(out.values.get(("signals", "time_unit"), '"s"'))
+    as_written = step / TIME_SCALE[unit]
+    likely = time_unit_of(as_written)
+    seconds = as_written * TIME_SCALE[likely]
+    if not FASTEST <= step <= SLOWEST and FASTEST <= seconds <= SLOWEST:
+        out.said.append(
+            f"time_unit: in {unit}, rows are {step:g} s apart; in {likely} they would be {seconds:g} s: which?"
+        )
+
+
+def _told(checked: CheckResult, name: str) -> float | None:
+    """A value that is identifiable to within half of it."""
+    return next((one.value for one in checked.parameters if one.name == name and one.identified != "not"), None)
+
+
+def _left(loaded: LoadedLog, model: PlantModel, observer: ObserverSettings) -> float:
+    """rms of d_hat around the prediction of that model, unit of u; the loudest twentieth does not count."""
+    log = loaded.log
+    observed = log if "d_hat" in log and not ("velocity" in log or "position" in log) else observe_log(log, observer)
+    error: Array = np.abs(observed["d_hat"] - predict_d_hat(model, observed, observer))
+    error = error[np.isfinite(error)]
+    return float(np.sqrt(np.mean(error[error <= np.quantile(error, 0.95)] ** 2))) if error.size else 0.0
