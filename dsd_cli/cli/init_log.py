@@ -30,7 +30,7 @@ from dsd_cli.cli.init_questions import column_question, step_question, without_c
 from dsd_cli.cli.init_roles import Chosen, choose
 from dsd_cli.cli.init_stamps import finite_stamps, unit_of_stamps
 from dsd_cli.cli.init_units import near, step_of, units_of
-from dsd_cli.cli.recordings import by_updates, on_its_clock
+from dsd_cli.cli.recordings import by_updates, on_its_clock, to_turn_u
 from dsd_cli.errors import DsdError, source_name
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.first_look import time_unit_of
@@ -45,7 +45,7 @@ from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import predict_d_hat
 from dsd_cli.roles import ONLY_CAUSE
 from dsd_cli.signals.clock import FASTEST, SLOWEST, TIME_SCALE
-from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.log import Array, Log, with_channels
 
 #: Rows from which everything is proposed.
 ROWS = 200_000
@@ -220,6 +220,12 @@ def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal
     out.said += [*loaded.warnings[warned:], *noisy]
     log = loaded.log
     checked = check_log(log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors)
+    if (turned := to_turn_u(checked)) and ("signals", "u_sign") not in out.values:  # the numbers are of u as it acts
+        out.put("signals", "u_sign", -1, turned.what)
+        out.comments["signals", "u_sign"] = f"# <- {turned.what}"
+        log = with_channels(log, u=-log["u"])
+        loaded, factors = replace(loaded, log=log), {**factors, "u": -factors.get("u", 1.0)}
+        checked = check_log(log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors)
     step = log.sample_time if loaded.regular else float(f"{checked.seconds / checked.samples:.4g}")
     if doubted:
         _doubt_time_unit(step, out)

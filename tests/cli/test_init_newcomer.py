@@ -67,3 +67,16 @@ def test_rows_that_come_in_bursts_are_as_far_apart_for_init_as_for_check(tmp_pat
     assert step == pytest.approx(0.004, rel=1e-2)
     answer = json.loads(done("check", "a.csv", "--format", "json", cwd=tmp_path).stdout)["by_log"][0]
     assert answer["seconds"] / answer["samples"] == pytest.approx(step, rel=1e-3)
+
+
+def test_a_u_of_the_other_sign_is_turned_by_init_and_said_first_by_diagnose(tmp_path: Path) -> None:
+    """The key was printed as if done, but stood commented out; and diagnose named what no effect explains (90 %)."""
+    write(tmp_path, "time (s),torque,position (rad)", AXIS["t"], -AXIS["u"], AXIS["q"])
+    done("init", "a.csv", cwd=tmp_path)
+    assert load_config(tmp_path / "dsd.toml").signals.u_sign == -1
+    text = (tmp_path / "dsd.toml").read_text("utf-8")
+    assert "# <- u has the other sign than the motion" in text
+    assert done("check", "a.csv", cwd=tmp_path).stdout.startswith("a.csv: can answer")
+    (tmp_path / "dsd.toml").write_text(text.replace("u_sign = -1 ", "# "), "utf-8")
+    said = done("diagnose", "a.csv", cwd=tmp_path).stdout
+    assert said.startswith("u has the other sign than the motion it causes: signals.u_sign = -1 (probability ")
