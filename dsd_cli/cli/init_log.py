@@ -27,6 +27,7 @@ from dsd_cli.cli.init_proposal import (
     settle_units,
 )
 from dsd_cli.cli.init_questions import column_question, step_question, without_coarse_stamps
+from dsd_cli.cli.init_rho import put_rho
 from dsd_cli.cli.init_roles import Chosen, choose
 from dsd_cli.cli.init_stamps import finite_stamps, unit_of_stamps
 from dsd_cli.cli.init_units import near, step_of, units_of
@@ -41,20 +42,15 @@ from dsd_cli.files.tables_in import metadata_of
 from dsd_cli.files.template import headed, template_text, with_table, with_value
 from dsd_cli.identify.checks import CheckResult, check_log
 from dsd_cli.plant.model import ObserverSettings, PlantModel
-from dsd_cli.plant.observer import observe_log
-from dsd_cli.plant.prediction import predict_d_hat
 from dsd_cli.roles import ONLY_CAUSE
 from dsd_cli.signals.clock import FASTEST, SLOWEST, TIME_SCALE
-from dsd_cli.signals.log import Array, Log, with_channels
+from dsd_cli.signals.log import Log, with_channels
 
 #: Rows from which everything is proposed.
 ROWS = 200_000
-#: The window, in s and in samples at least and at most; rho, as a multiple of what the first model leaves, and as a
-#: share of u where there is no model.
+#: The window, in s and in samples at least and at most; rho as a share of u where there is no model.
 WINDOW, FEWEST, MOST = 0.1, 50, 5000
-RHO_OF_LEFT, RHO_OF_U = 1.5, 0.1
-#: rho at least, as a share of u: no sensor is better than that.
-RHO_LEAST = 0.002
+RHO_OF_U = 0.1
 
 
 class Asked(NamedTuple):
@@ -247,10 +243,7 @@ def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal
     at = max(delay or 0.0, 0.0)
     alone = at > 0.5 * step and explains(check_log(log, PlantModel(inertia, at), None, loaded.restarts), "delay")
     put_delays(at, step, alone, out, only_channel(log))
-    left = _left(loaded, PlantModel(inertia, at if alone else 0.0), ObserverSettings(inertia, 5 * step, 1))
-    if 0.0 < left < float(np.std(log["u"])):  # more is no fit at all, as of trials joined in one file
-        rho = float(f"{max(RHO_OF_LEFT * left, RHO_LEAST * float(np.std(log['u']))):.3g}")
-        out.put("detector", "rho", rho, f"{RHO_OF_LEFT:g} times what inertia and delay leave")
+    put_rho(loaded, PlantModel(inertia, at if alone else 0.0), ObserverSettings(inertia, 5 * step, 1), window, out)
 
 
 def _without_inertia(log: Log, out: Proposal) -> None:
@@ -281,12 +274,3 @@ def _doubt_time_unit(step: float, out: Proposal) -> None:
 def _told(checked: CheckResult, name: str) -> float | None:
     """A value that is identifiable to within half of it."""
     return next((one.value for one in checked.parameters if one.name == name and one.identified != "not"), None)
-
-
-def _left(loaded: LoadedLog, model: PlantModel, observer: ObserverSettings) -> float:
-    """rms of d_hat around the prediction of that model, unit of u; the loudest twentieth does not count."""
-    log = loaded.log
-    observed = log if "d_hat" in log and not ("velocity" in log or "position" in log) else observe_log(log, observer)
-    error: Array = np.abs(observed["d_hat"] - predict_d_hat(model, observed, observer))
-    error = error[np.isfinite(error)]
-    return float(np.sqrt(np.mean(error[error <= np.quantile(error, 0.95)] ** 2))) if error.size else 0.0

@@ -80,3 +80,16 @@ def test_a_u_of_the_other_sign_is_turned_by_init_and_said_first_by_diagnose(tmp_
     (tmp_path / "dsd.toml").write_text(text.replace("u_sign = -1 ", "# "), "utf-8")
     said = done("diagnose", "a.csv", cwd=tmp_path).stdout
     assert said.startswith("u has the other sign than the motion it causes: signals.u_sign = -1 (probability ")
+
+
+@pytest.mark.parametrize("force", [True, False])
+def test_a_rho_that_a_missing_force_makes_wide_is_said_to_be_so(force: bool, tmp_path: Path) -> None:
+    """Straight from init, detect was "0.0 % confident" and "100.0 % within 2 rho", without a word why."""
+    noise = np.random.default_rng(7).standard_normal(AXIS["t"].size)
+    bare = AXIS["u"] - 3.0 * AXIS["v"] - np.tanh(AXIS["v"] / 0.01)
+    u = AXIS["u"] if force else bare + 0.4 * bare.std() * noise
+    write(tmp_path, "time (s),torque,velocity (rad/s)", AXIS["t"], u, AXIS["v"])
+    said = next(line for line in done("init", "a.csv", cwd=tmp_path).stderr.splitlines() if line.startswith("  rho = "))
+    assert ("a force missing in [model]" in said) == force
+    wide = done("detect", "a.csv", "--set", "detector.rho=1000", "-o", "l.csv", cwd=tmp_path).stdout
+    assert "no label is confident: within so wide a rho the candidates are alike. If the model lacks a force" in wide
