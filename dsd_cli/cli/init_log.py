@@ -32,6 +32,7 @@ from dsd_cli.cli.init_roles import Chosen, choose
 from dsd_cli.cli.init_stamps import finite_stamps, unit_of_stamps
 from dsd_cli.cli.init_units import near, step_of, units_of
 from dsd_cli.cli.recordings import by_updates, on_its_clock, to_turn_u
+from dsd_cli.cli.zero_offsets import zero_offsets
 from dsd_cli.errors import DsdError, source_name
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.first_look import time_unit_of
@@ -230,7 +231,7 @@ def _propose_numbers(loaded: LoadedLog, factors: dict[str, float], out: Proposal
     out.put("observer", "time_constant", float(f"{5 * step:.3g}"), "5 samples; take your observer's if d_hat is logged")
     window = int(np.clip(round(WINDOW / step), FEWEST, MOST))
     out.put("detector", "window", window, f"{window * step:.3g} s")
-    out.said += [f"{one.what}: {one.remedy}" for one in checked.errors]
+    out.said += [f"{one.what}: {one.remedy}" for one in (*checked.errors, *zero_offsets(log))]
     inertia, delay = _told(checked, "inertia"), _told(checked, "delay")
     if inertia is None or inertia <= 0.0:
         _without_inertia(log, out)

@@ -93,3 +93,23 @@ def test_a_rho_that_a_missing_force_makes_wide_is_said_to_be_so(force: bool, tmp
     assert ("a force missing in [model]" in said) == force
     wide = done("detect", "a.csv", "--set", "detector.rho=1000", "-o", "l.csv", cwd=tmp_path).stdout
     assert "no label is confident: within so wide a rho the candidates are alike. If the model lacks a force" in wide
+
+
+def test_a_channel_that_rests_at_another_value_than_0_is_asked_for_its_zero(tmp_path: Path) -> None:
+    """Of voltages about 1.65 V: "moves in one direction only", and then a friction that was none (64 %)."""
+    rest = np.zeros(30)
+    t = np.arange(AXIS["t"].size + 30) * (AXIS["t"][1] - AXIS["t"][0])
+    u, v = (np.concatenate([rest, AXIS[one]]) for one in ("u", "v"))
+    write(tmp_path, "time (s),torque,velocity (rad/s)", t, u, 1.65 + v / (3.0 * np.abs(v).max()))
+    asked = "velocity never comes to 0, begins at 1.65 and goes to both sides of it"
+    assert asked in done("init", "a.csv", cwd=tmp_path).stderr
+    assert asked in done("check", "a.csv", cwd=tmp_path).stdout
+    write(tmp_path, "time (s),torque,velocity (rad/s)", t, u, v)
+    assert "never comes to 0" not in done("check", "a.csv", cwd=tmp_path).stdout
+
+
+def test_tables_that_no_terminal_shows_end_without_blanks(tmp_path: Path) -> None:
+    write(tmp_path, "time (s),torque,velocity (rad/s)", AXIS["t"], AXIS["u"], AXIS["v"])
+    done("init", "a.csv", cwd=tmp_path)
+    for command in ("check", "detect", "diagnose"):
+        assert [line for line in done(command, "a.csv", cwd=tmp_path).stdout.splitlines() if line.endswith(" ")] == []
