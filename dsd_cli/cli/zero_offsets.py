@@ -16,7 +16,7 @@ def zero_offsets(log: Log) -> list[Finding]:
             name,
             "warning",
             0.8,
-            f"take {zero:.4g} off its column first, [signals] has factors only; else friction and loads are wrong by it",
+            f"take {zero:.4g} off its column first ([signals] has factors only): friction and loads are wrong by it",
         )
         for name, zero in found
         if zero is not None
