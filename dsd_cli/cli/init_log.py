@@ -32,8 +32,8 @@ from dsd_cli.cli.init_rho import put_rho
 from dsd_cli.cli.init_roles import Chosen, choose
 from dsd_cli.cli.init_stamps import finite_stamps, unit_of_stamps
 from dsd_cli.cli.init_units import near, step_of, units_of
+from dsd_cli.cli.odd_values import zero_offsets
 from dsd_cli.cli.recordings import by_updates, on_its_clock, to_turn_u
-from dsd_cli.cli.zero_offsets import zero_offsets
 from dsd_cli.errors import DsdError, UsageError, source_name
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.first_look import time_unit_of

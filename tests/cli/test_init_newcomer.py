@@ -113,3 +113,14 @@ def test_tables_that_no_terminal_shows_end_without_blanks(tmp_path: Path) -> Non
     done("init", "a.csv", cwd=tmp_path)
     for command in ("check", "detect", "diagnose"):
         assert [line for line in done(command, "a.csv", cwd=tmp_path).stdout.splitlines() if line.endswith(" ")] == []
+
+
+def test_a_value_of_u_that_stands_alone_is_said_by_check(tmp_path: Path) -> None:
+    u = AXIS["u"].copy()
+    u[700] = 1e3
+    write(tmp_path, "time (s),torque,velocity (rad/s)", AXIS["t"], u, AXIS["v"])
+    done("init", "a.csv", cwd=tmp_path)
+    said = done("check", "a.csv", cwd=tmp_path).stdout
+    assert "1 value(s) of u stand alone, up to 1000, first in sample 700" in said
+    assert "signals.u_range" in said
+    assert "stand alone" not in done("check", "a.csv", "--set", "signals.u_range=[-100, 100]", cwd=tmp_path).stdout
