@@ -90,6 +90,7 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
     DataError : it cannot be read, or no usable row is in it.
     """
     from dsd_cli.cli.identification import warn
+    from dsd_cli.cli.odd_values import lone_spikes, zero_offsets
     from dsd_cli.cli.plan import as_logged, log_columns, made, naming, observer_settings, reading, window
     from dsd_cli.cli.recordings import absent, believed_model, by_updates, check_sizes
     from dsd_cli.files.logs import load_log
@@ -119,7 +120,8 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
     ).named(config.signals.units)
     fast = _too_fast(config, result.excitation.top_speed or 0.0)
     asked = [_open_unit(config)] if config.signals.units.assumed else []
-    result = replace(result, findings=(*fast, *result.findings, *asked))
+    odd = [*fast, *zero_offsets(loaded.log), *lone_spikes(loaded.log)]
+    result = replace(result, findings=(*odd, *result.findings, *asked))
     if window(config.signals):
         result = replace(result, findings=tuple(_widened(finding) for finding in result.findings))
     return Checked(loaded.log, tuple(loaded.restarts), result)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from dsd_cli.cli.fit_options import FitOptions
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 
     from dsd_cli.cli.identification import Given
     from dsd_cli.cli.progress import Progress
+    from dsd_cli.identify.checks import Finding
     from dsd_cli.identify.d_hat_makers import OpenLog
     from dsd_cli.identify.recordings.recording import Recording
     from dsd_cli.identify.results import Diagnosis
@@ -27,7 +29,6 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
     the fit did not see. A wrong inertia or delay is ranked like an effect.
     """
     import sys
-    from dataclasses import replace
 
     from dsd_cli.cli.few_moves import said_of_moves
     from dsd_cli.cli.identification import check_logs, load_open, print_json, warn
@@ -83,4 +84,14 @@ def _found(
 
     found, recordings = diagnosed(given, asked, ask)
     result: Diagnosis = in_units(found, given.settings.signals.units)
-    return result, recordings
+    return _without_verdict(result, given.blocked), recordings
+
+
+def _without_verdict(found: Diagnosis, blocked: Finding | None) -> Diagnosis:
+    """No effect is named while u has the sign that no axis has: the functions that follow it stand for the inertia."""
+    if blocked is None or found.blocked:
+        return found
+    from dsd_cli.identify.results import UNKNOWN
+
+    said = f"{blocked.what}: {blocked.remedy}"
+    return replace(found, verdict=UNKNOWN, probability=blocked.sure, blocked=said, found=(), missing=(), depends_on=())

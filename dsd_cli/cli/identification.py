@@ -13,6 +13,7 @@ from dsd_cli.errors import printable, source_name
 if TYPE_CHECKING:
     from dsd_cli.cli.progress import Progress
     from dsd_cli.files.config import Config, Signals
+    from dsd_cli.identify.checks import Finding
     from dsd_cli.identify.d_hat_makers import Ask, OpenLog
     from dsd_cli.identify.fit.priors import PriorKnowledge
     from dsd_cli.identify.recordings.recording import Recording
@@ -42,6 +43,7 @@ class Given:
     known: PriorKnowledge
     dropped: dict[str, int]
     warnings: tuple[str, ...]
+    blocked: Finding | None = None
 
     @property
     def engine_settings(self) -> Settings:
@@ -118,6 +120,7 @@ def load_open(
         known,
         dropped,
         tuple(f"{source_name(path)}: {warning}" for path, one in everything for warning in one.warnings),
+        next((one.blocked for one in loaded.values() if one.blocked), None),
     )
     return given, of_recording(given.recordings, model, observer, makers, given.engine_settings, given.holdout)
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from shlex import quote
 from typing import TYPE_CHECKING, Annotated, Any
@@ -12,6 +13,7 @@ import typer
 
 from dsd_cli.cli.options import QuietOption, template_names
 from dsd_cli.errors import DsdError, printable, source_name
+from dsd_cli.signals.units import SHORTEST
 
 if TYPE_CHECKING:
     from dsd_cli.cli.init_log import Asked, Proposed
@@ -134,11 +136,24 @@ def _question(missing: str, candidates: Sequence[str]) -> str:
     """Ask for a column: its name, or its place in the list that is shown."""
     if missing == "position_unit":
         return _unit(candidates)
+    if missing == "sample_time":
+        return _seconds()
     what = "the control input (torque, force, current, voltage)" if missing == "u" else "the position"
     for at, name in enumerate(candidates, start=1):
         typer.echo(printable(f"  {at}: {name}"), err=True)
     answer = str(typer.prompt(f"Which column is {what}? number or name", err=True)).strip()
     return candidates[int(answer) - 1] if answer.isdigit() and 0 < int(answer) <= len(candidates) else answer
+
+
+def _seconds() -> str:
+    """Ask for the time between rows, s; "" for one that is not known."""
+    asked = "The log has no time. How many s are its rows apart? Enter: not known"
+    while answer := str(typer.prompt(asked, default="", show_default=False, err=True)).strip():
+        with suppress(ValueError):
+            if SHORTEST <= float(answer) < math.inf:
+                return answer
+        typer.echo(printable(f'  "{answer}" is no time in s, such as 0.001'), err=True)
+    return ""
 
 
 def _unit(units: Sequence[str]) -> str:

@@ -11,6 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dsd_cli.cli.identification import say
 from dsd_cli.cli.init_numbers import propose_numbers
 from dsd_cli.cli.init_proposal import (
     UNITS,
@@ -29,7 +30,7 @@ from dsd_cli.cli.init_questions import column_question, step_question, without_c
 from dsd_cli.cli.init_roles import Chosen, choose
 from dsd_cli.cli.init_stamps import finite_stamps, unit_of_stamps
 from dsd_cli.cli.init_units import near, step_of, units_of
-from dsd_cli.errors import DsdError, source_name
+from dsd_cli.errors import DsdError, UsageError, source_name
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.first_look import time_unit_of
 from dsd_cli.files.formats.base import CLOCK
@@ -81,9 +82,13 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
     out = Proposal(said=list(looked.notes))
     chosen = choose(source_name(name), looked, asked.given)
     while chosen.missing and asked.ask is not None and not chosen.none_left:
-        answer = asked.ask(chosen.missing, chosen.candidates)
-        asked = asked._replace(given={**asked.given, chosen.missing: answer})
-        chosen = choose(source_name(name), looked, asked.given)
+        given = {**asked.given, chosen.missing: asked.ask(chosen.missing, chosen.candidates)}
+        try:
+            chosen = choose(source_name(name), looked, given)
+        except UsageError as error:  # no such column: a slip of the hand
+            say(False, f"  {error.message}")
+            continue
+        asked = asked._replace(given=given)
     chosen = without_coarse_stamps(as_told(chosen, asked.values), None if "time" in asked.given else looked.sample_time)
     out.said += [*chosen.said, *chosen.idle]
     _name_columns(chosen, out)
@@ -97,6 +102,9 @@ def propose(path: str, asked: Asked, name: str = "") -> Proposed:
     count_open(out)
     unstamped = not chosen.missing and not chosen.clock and "time" not in chosen.found
     step = _rows_apart(chosen, asked, looked.sample_time, out) if unstamped else None
+    if unstamped and step is None and asked.ask is not None and (answer := asked.ask("sample_time", ())):
+        step = float(answer)
+        asked = asked._replace(values={**asked.values, ("signals", "sample_time"): step})
     unread: DsdError | None = None
     if not chosen.missing and (step or not unstamped):
         try:

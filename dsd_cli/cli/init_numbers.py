@@ -11,23 +11,20 @@ import numpy as np
 
 from dsd_cli.cli.init_delay import explains, only_channel, put_delays, short
 from dsd_cli.cli.init_proposal import Proposal
-from dsd_cli.cli.recordings import by_updates, on_its_clock
+from dsd_cli.cli.init_rho import put_rho
+from dsd_cli.cli.odd_values import zero_offsets
+from dsd_cli.cli.recordings import by_updates, on_its_clock, to_turn_u
 from dsd_cli.files.first_look import time_unit_of
 from dsd_cli.files.logs import LoadedLog
 from dsd_cli.identify.checks import CheckResult, check_log, without_late
 from dsd_cli.identify.checks.clock import jitter
 from dsd_cli.plant.model import ObserverSettings, PlantModel
-from dsd_cli.plant.observer import observe_log
-from dsd_cli.plant.prediction import predict_d_hat
 from dsd_cli.signals.clock import FASTEST, SLOWEST, TIME_SCALE, plain
-from dsd_cli.signals.log import Array, Log
+from dsd_cli.signals.log import Log, with_channels
 
-#: The window, in s and in samples at least and at most; rho, as a multiple of what the first model leaves, and as a
-#: share of u where there is no model.
+#: The window, in s and in samples at least and at most; rho as a share of u where there is no model.
 WINDOW, FEWEST, MOST = 0.1, 50, 5000
-RHO_OF_LEFT, RHO_OF_U = 1.5, 0.1
-#: rho at least, as a share of u: no sensor is better than that.
-RHO_LEAST = 0.002
+RHO_OF_U = 0.1
 
 
 def propose_numbers(
@@ -38,6 +35,12 @@ def propose_numbers(
     loaded, noisy = _evened(by_updates(loaded), out, given)
     out.said += [*loaded.warnings[warned:], *noisy]
     checked = check_log(loaded.log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors)
+    if (turned := to_turn_u(checked)) and ("signals", "u_sign") not in out.values:  # the numbers are of u as it acts
+        out.put("signals", "u_sign", -1, turned.what)
+        out.comments["signals", "u_sign"] = f"# <- {turned.what}"
+        loaded = replace(loaded, log=with_channels(loaded.log, u=-loaded.log["u"]))
+        factors = {**factors, "u": -factors.get("u", 1.0)}
+        checked = check_log(loaded.log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors)
     loaded = _without_late(loaded, checked, out, given)
     log = loaded.log
     step = log.sample_time if loaded.regular else float(f"{checked.seconds / checked.samples:.4g}")
@@ -48,7 +51,7 @@ def propose_numbers(
     out.put("observer", "time_constant", float(f"{5 * step:.3g}"), "5 samples; take your observer's if d_hat is logged")
     window = int(np.clip(round(WINDOW / step), FEWEST, MOST))
     out.put("detector", "window", window, f"{window * step:.3g} s")
-    out.said += [f"{one.what}: {one.remedy}" for one in checked.errors]
+    out.said += [f"{one.what}: {one.remedy}" for one in (*checked.errors, *zero_offsets(log))]
     if _told(checked, "inertia") is None and not checked.errors:  # too little for the scan may do beside a model
         checked = check_log(log, PlantModel(1.0), None, loaded.restarts)
     inertia, delay = _told(checked, "inertia"), _told(checked, "delay")
@@ -63,10 +66,7 @@ def propose_numbers(
     at = max(delay or 0.0, 0.0)
     alone = at > 0.5 * step and explains(check_log(log, PlantModel(inertia, at), None, loaded.restarts), "delay")
     put_delays(at, step, alone, out, only_channel(log))
-    left = _left(loaded, PlantModel(inertia, at if alone else 0.0), ObserverSettings(inertia, 5 * step, 1))
-    if 0.0 < left < float(np.std(log["u"])):  # more is no fit at all, as of trials joined in one file
-        rho = float(f"{max(RHO_OF_LEFT * left, RHO_LEAST * float(np.std(log['u']))):.3g}")
-        out.put("detector", "rho", rho, f"{RHO_OF_LEFT:g} times what inertia and delay leave")
+    put_rho(loaded, PlantModel(inertia, at if alone else 0.0), ObserverSettings(inertia, 5 * step, 1), window, out)
 
 
 def _evened(loaded: LoadedLog, out: Proposal, given: Mapping[str, str]) -> tuple[LoadedLog, list[str]]:
@@ -122,12 +122,3 @@ def _doubt_time_unit(step: float, out: Proposal) -> None:
 def _told(checked: CheckResult, name: str) -> float | None:
     """A value that is identifiable to within half of it."""
     return next((one.value for one in checked.parameters if one.name == name and one.identified != "not"), None)
-
-
-def _left(loaded: LoadedLog, model: PlantModel, observer: ObserverSettings) -> float:
-    """rms of d_hat around the prediction of that model, unit of u; the loudest twentieth does not count."""
-    log = loaded.log
-    observed = log if "d_hat" in log and not ("velocity" in log or "position" in log) else observe_log(log, observer)
-    error: Array = np.abs(observed["d_hat"] - predict_d_hat(model, observed, observer))
-    error = error[np.isfinite(error)]
-    return float(np.sqrt(np.mean(error[error <= np.quantile(error, 0.95)] ** 2))) if error.size else 0.0

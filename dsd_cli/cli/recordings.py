@@ -24,12 +24,14 @@ if TYPE_CHECKING:
 class LoadedRecording:
     """A recording, and what reading it has to say.
 
-    `dropped` : reason -> rows that were not taken as they are.
+    `dropped` : reason -> rows that were not taken as they are. `blocked` : what must be mended first, as nothing
+    that is missing is identifiable before.
     """
 
     recording: Recording
     dropped: Mapping[str, int]
     warnings: tuple[str, ...]
+    blocked: Finding | None = None
 
 
 def load_recording(
@@ -89,7 +91,7 @@ def load_recording(
     warnings = (*loaded.warnings, *lacking, *noisy, *late, *wrong, *beyond)
     if path == "-" and not loaded.log.channels.keys() & {"velocity", "position"}:
         warnings += half_said(config)
-    return LoadedRecording(recording, dropped, warnings)
+    return LoadedRecording(recording, dropped, warnings, to_turn_u(checked))
 
 
 def by_updates(loaded: LoadedLog) -> LoadedLog:
@@ -170,6 +172,11 @@ def _wrong(loaded: LoadedLog, config: Config, checked: CheckResult, *, changed: 
         checked = _checked(loaded, config) if changed else checked
         first = biased_by_noise(checked, model, observer_of_motion(config), given.fixed.keys() | given.priors.keys())
     return [f"{one.what.rstrip('?')}: {one.remedy} (dsd check says more)" for one in first]
+
+
+def to_turn_u(checked: CheckResult) -> Finding | None:
+    """What is said of a u of the other sign than the motion that it causes, where that is the surest error."""
+    return next((one for one in checked.errors[:1] if one.multiply == (("u", -1.0),)), None)
 
 
 def believed_model(config: Config) -> PlantModel:

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dsd_cli.cli.init_numbers import RHO_LEAST, RHO_OF_LEFT
+from dsd_cli.cli.init_rho import RHO_LEAST, RHO_OF_LEFT
 from dsd_cli.errors import DataError
 from dsd_cli.files.config import Config, Observer
 from dsd_cli.identify.compare.evaluation import evaluate

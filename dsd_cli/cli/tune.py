@@ -80,7 +80,7 @@ def tune(
         tuning = choose(evidence, progress)
     report = TuningReport(tuning, source_name(log), output)
     text = _written(origin.text, settings, tuning) if output is not None else ""
-    warn(quiet, warnings)
+    warn(quiet, [f"{source_name(log)}: {warning}" for warning in warnings])
     if output == "-":
         typer.echo(text, nl=False)
     elif output is not None:

@@ -22,6 +22,8 @@ from dsd_cli.files.growing_lines import GrowingLines
 from dsd_cli.files.live_cells import LiveCells
 from dsd_cli.files.table_source import Batch, choose_columns, read_sidecar
 
+#: Lines that a preamble has at most.
+_PREAMBLE = 100
 _SAMPLE = "line {} is taken as a sample: if it is of factors, write it to a file first"
 
 
@@ -35,7 +37,7 @@ class LineStream:
         with a header. Following ends when `stop()` is true or nothing came for `idle_timeout` s.
     head : bytes already taken from the stream.
     name : of the stream, for messages.
-    layout : where the rows are, as [csv] says; nothing is looked for in what can be read only once.
+    layout : where the rows are, as [csv] says; else the first line that names the needed columns is the header.
 
     Raises
     ------
@@ -62,8 +64,8 @@ class LineStream:
         self._source = GrowingLines(source, head, stop, idle_timeout)
         self._header: dialects.Header | None = None
         self._restart = False  # what comes next is another recording
-        self._comment = ""
-        self._line = 0
+        self._comment, self._line = "", 0
+        self._refused: DataError | None = None  # what the last line lacks that could be the header
         self._rows = 0
         self.column_names: list[str] = []
         self.columns: dict[str, str] = {}
@@ -82,10 +84,8 @@ class LineStream:
     @property
     def warnings(self) -> list[str]:
         return [
-            *self._notes,
-            *self._head.said("t" in self.columns),
-            *self._scaling.said,
-            *self._cells.said(self.column_names),
+            *(*self._notes, *self._head.said("t" in self.columns)),
+            *(*self._scaling.said, *self._cells.said(self.column_names)),
         ]
 
     def batches(self) -> Iterator[Batch]:
@@ -115,7 +115,7 @@ class LineStream:
             for at, line in enumerate(lines or []):
                 if self._take_header(line):
                     return (lines or [])[at + 1 :] if not self._header_is_data else (lines or [])[at:]
-        raise DataError(f"{self.name}: is empty" if not self._line else f"{self.name}: has no header and no rows")
+        raise self._refused or DataError(f"{self.name}: {'has no header and no rows' if self._line else 'is empty'}")
 
     @property
     def _header_is_data(self) -> bool:
@@ -138,11 +138,23 @@ class LineStream:
         if dialects.is_comment(line) and told.header != self._line:
             self._comment = line if line.strip() else self._comment
             return False
-        header = dialects.live_header(self.name, self._comment, line, told.delimiter, told.header == 0)
+        try:
+            header = dialects.live_header(self.name, self._comment, line, told.delimiter, told.header == 0)
+        except DataError as error:
+            raise self._refused or error from None  # rows begin here: that was the header
         self._header = header._replace(names=dialects.numbered(header.names, self._wanted.values()))
         self.column_names = self._header.names
-        self._place_columns()
-        self._line -= self._header.line_is_data
+        try:
+            self._place_columns()
+        except DataError as error:
+            if told.header is not None or told.skip_rows or self._line > _PREAMBLE:
+                raise
+            self._refused, self._header = error, None  # of a preamble, if the columns are named further down
+            self._above.append(Row(self._line - 1, header.names, False))
+            return False
+        if self._refused is not None:
+            self._notes.append(f"line {self._line} is taken as the header, what is above it is left out")
+        self._line, self._refused = self._line - self._header.line_is_data, None
         del self._top[self._line :]
         width = len(self.column_names)
         self._body = Body(self._header.delimiter, width, tuple(range(width)), self._line)

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 #: Rows of a table on the screen; the JSON has all.
 MOST_STATES, MOST_SEGMENTS = 12, 15
+#: Share of the judged labels that are confident, below which the reason is said.
+LEAST_CONFIDENT = 0.01
 
 
 @dataclass(frozen=True)
@@ -155,6 +157,11 @@ def _closing_lines(result: Detection) -> list[str]:
             line += f"; {_percent(summary.explained_share)} of the judged samples are within 2 rho"
         if not result.explains:
             line += "\n[bold]no candidate explains this log[/bold]: widen the grid, or the model lacks an effect"
+        elif summary.judged and summary.confident_share < LEAST_CONFIDENT:
+            line += (
+                "\n[bold]no label is confident[/bold]: within so wide a rho the candidates are alike. If the model"
+                " lacks a force (dsd diagnose): dsd improve LOG --states first; else a smaller rho or a larger window"
+            )
         lines.append(line)
     truth = summary.truth
     if truth is not None:

@@ -38,7 +38,12 @@ def console(file: Any) -> Any:
             given = self.width
             self.width = max(given, *(_least_width(self, one) for one in tables), 0)
             try:
-                super().print(*objects, **how)
+                if broken:
+                    super().print(*objects, **how)
+                else:  # blanks that fill the last column are for the eye only
+                    with self.capture() as printed:
+                        super().print(*objects, **how)
+                    file.write(re.sub(r" +(?=\n)", "", printed.get()))
             finally:
                 self.width = given
 

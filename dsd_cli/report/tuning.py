@@ -61,6 +61,7 @@ def print_lines(report: TuningReport, file: Any) -> None:
         f"one in {tuning.dwell:.3g} s",
         *_grid_lines(tuning),
         agreement_line(tuning),
+        *(["no other tuning labels as well: the present one stays"] if tuning.after == tuning.before else []),
         *_expected_lines(tuning),
     ):
         console.print(escaped(line))

@@ -15,8 +15,11 @@ WRAP_SHARE, WRAP_CHANGES, USUAL = 0.4, 20.0, 95.0
 #: More of its samples than this share are wraps only of a turn that is known, where the axis went half of it for each;
 #: and wraps are of one size but for the usual steps beside them.
 WRAPS_MOST, TURN_EACH, STEPS_BESIDE = 0.02, 0.5, 2.0
-#: A step by more than so many times the fast ones of the log, and those beside it, is none that the axis made.
+#: A step beyond those beside it by more than so many times the large changes of a step, in the log and there, is none
+#: that the axis made: no u accelerates so. A hit on a stop ends a speed within the range of the steps beside it.
 JUMP_STEPS, FAST, BESIDE = 20.0, 99.0, 3
+#: Rows that a sensor may hang before its position goes on where the axis is by then.
+HELD = 10
 #: Share by which a turn is off that was printed with seven digits.
 _PRINTED = 1e-6
 
@@ -57,16 +60,36 @@ def in_pieces(log: Log, restarts: Sequence[int]) -> tuple[Log, list[int]]:
 
 
 def _jumps(q: Array) -> list[int]:
-    steps = np.abs(np.diff(q))
+    """Samples to which the position steps by what neither the steps beside it nor any change of the speed reach."""
+    steps = np.diff(q)
+    changes = np.abs(np.diff(steps))
     if len(steps) <= 2 * BESIDE or not np.any(steps):
         return []
-    fast = max(float(np.percentile(steps, FAST)), float(np.min(steps[steps > 0.0])))
+    least = np.abs(steps[steps != 0.0]).min()  # of an encoder, a count
+    usual = max(float(np.percentile(changes, FAST)), float(least))
+    ends = np.concatenate([[np.inf], changes, [np.inf]])
     found = []
-    for k in np.flatnonzero(steps > JUMP_STEPS * fast).tolist():
-        beside = np.concatenate([steps[max(k - BESIDE, 0) : k], steps[k + 1 : k + 1 + BESIDE]])
-        if steps[k] > JUMP_STEPS * float(np.median(beside)):
+    for k in np.flatnonzero(np.minimum(ends[:-1], ends[1:]) > JUMP_STEPS * usual).tolist():
+        before, after = steps[max(k - BESIDE - 1, 0) : k], steps[k + 1 : k + BESIDE + 2]
+        beside = np.concatenate([before[-BESIDE:], after[:BESIDE]])
+        local = float(np.median(np.abs(np.concatenate([np.diff(before), np.diff(after)]))))
+        if _beyond(float(steps[k]), beside, _rows(steps, k)) > JUMP_STEPS * max(usual, local):
             found.append(k + 1)
     return found
+
+
+def _beyond(step: float, beside: Array, rows: int) -> float:
+    """By how much a step leaves the range of those beside it, or of a sensor that hung, that of as many `rows`."""
+    low, high = float(beside.min()), float(beside.max())
+    return max(step - max(rows * high, high), min(rows * low, low) - step)
+
+
+def _rows(steps: Array, k: int) -> int:
+    """Rows that step k may be of: itself, and where the position stood still before it those, and one that it may have
+    changed its speed by."""
+    moving = np.flatnonzero(steps[max(k - HELD, 0) : k])
+    held = min(k, HELD) - (int(moving[-1]) + 1 if moving.size else 0)
+    return held + 2 if held else 1
 
 
 def unwrapped(q: Array) -> tuple[Array, int, float]:
@@ -81,8 +104,11 @@ def unwrapped(q: Array) -> tuple[Array, int, float]:
         return q, 0, 0.0
     moved = 0.5 * (others[np.maximum(at - 1, 0)] + others[np.minimum(at, others.size - 1)])
     sizes, usual = np.abs(steps[jumps] - moved), float(np.percentile(np.abs(others), USUAL))
-    turn = _whole_turn(float(np.median(sizes)), usual)
-    if often and (turn == float(np.median(sizes)) or np.diff(jumps).min() == 1):
+    size = float(np.median(sizes))
+    turn = _whole_turn(size, usual)
+    if turn == size and (often or jumps.size == 1 or np.ptp(q) > size + STEPS_BESIDE * usual):
+        return q, 0, 0.0  # a new zero; and what wraps stays within a turn
+    if often and np.diff(jumps).min() == 1:
         return q, 0, 0.0
     if np.max(np.abs(sizes - turn)) > STEPS_BESIDE * usual + _PRINTED * turn:
         return q, 0, 0.0

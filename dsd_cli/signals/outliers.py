@@ -126,3 +126,15 @@ class Outliers:
             outside = np.zeros(column.size, dtype=bool) if outside is None else outside
             outside[far] = True
         return outside if outside is not None and outside.any() else None
+
+
+#: A value stands alone beyond so many times what all but a hundredth reach, if those beside it stay within that.
+ALONE, USUAL = 10.0, 99.0
+
+
+def standing_alone(x: Array) -> NDArray[np.int64]:
+    """Samples that stand alone, far beyond the usual values of a channel of shape (n,)."""
+    size = np.abs(x)
+    usual = float(np.percentile(size, USUAL))
+    beside = np.maximum(np.append(size[1:], 0.0), np.insert(size[:-1], 0, 0.0))
+    return np.flatnonzero((size > ALONE * usual) & (beside <= usual) & (usual > 0.0))

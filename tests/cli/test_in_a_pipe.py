@@ -27,7 +27,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     [
         (("check", NAME), rf"^{NAME}: can answer$"),
         (("check", NAME, "--set", "signals.u_sign=-1"), rf"^{NAME}: cannot answer: u has the other sign than the "),
-        (("diagnose", NAME, "--to", "1.5"), r"^  coulomb_friction +\S+ +\S+ % +yes, 9\d % +$"),
+        (("diagnose", NAME, "--to", "1.5"), r"^  coulomb_friction +\S+ +\S+ % +yes, 9\d %$"),
         (("detect", NAME), rf"^{NAME}: 3,000 samples, 1 ms apart; 2,970 judged"),
     ],
 )

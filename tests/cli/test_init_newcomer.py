@@ -67,3 +67,60 @@ def test_rows_that_come_in_bursts_are_as_far_apart_for_init_as_for_check(tmp_pat
     assert step == pytest.approx(0.004, rel=1e-2)
     answer = json.loads(done("check", "a.csv", "--format", "json", cwd=tmp_path).stdout)["by_log"][0]
     assert answer["seconds"] / answer["samples"] == pytest.approx(step, rel=1e-3)
+
+
+def test_a_u_of_the_other_sign_is_turned_by_init_and_said_first_by_diagnose(tmp_path: Path) -> None:
+    """The key was printed as if done, but stood commented out; and diagnose named what no effect explains (90 %)."""
+    write(tmp_path, "time (s),torque,position (rad)", AXIS["t"], -AXIS["u"], AXIS["q"])
+    done("init", "a.csv", cwd=tmp_path)
+    assert load_config(tmp_path / "dsd.toml").signals.u_sign == -1
+    text = (tmp_path / "dsd.toml").read_text("utf-8")
+    assert "# <- u has the other sign than the motion" in text
+    assert done("check", "a.csv", cwd=tmp_path).stdout.startswith("a.csv: can answer")
+    (tmp_path / "dsd.toml").write_text(text.replace("u_sign = -1 ", "# "), "utf-8")
+    said = done("diagnose", "a.csv", cwd=tmp_path).stdout
+    assert said.startswith("u has the other sign than the motion it causes: signals.u_sign = -1 (probability ")
+
+
+@pytest.mark.parametrize("force", [True, False])
+def test_a_rho_that_a_missing_force_makes_wide_is_said_to_be_so(force: bool, tmp_path: Path) -> None:
+    """Straight from init, detect was "0.0 % confident" and "100.0 % within 2 rho", without a word why."""
+    noise = np.random.default_rng(7).standard_normal(AXIS["t"].size)
+    bare = AXIS["u"] - 3.0 * AXIS["v"] - np.tanh(AXIS["v"] / 0.01)
+    u = AXIS["u"] if force else bare + 0.4 * bare.std() * noise
+    write(tmp_path, "time (s),torque,velocity (rad/s)", AXIS["t"], u, AXIS["v"])
+    said = next(line for line in done("init", "a.csv", cwd=tmp_path).stderr.splitlines() if line.startswith("  rho = "))
+    assert ("a force missing in [model]" in said) == force
+    wide = done("detect", "a.csv", "--set", "detector.rho=1000", "-o", "l.csv", cwd=tmp_path).stdout
+    assert "no label is confident: within so wide a rho the candidates are alike. If the model lacks a force" in wide
+
+
+def test_a_channel_that_rests_at_another_value_than_0_is_asked_for_its_zero(tmp_path: Path) -> None:
+    """Of voltages about 1.65 V: "moves in one direction only", and then a friction that was none (64 %)."""
+    rest = np.zeros(30)
+    t = np.arange(AXIS["t"].size + 30) * (AXIS["t"][1] - AXIS["t"][0])
+    u, v = (np.concatenate([rest, AXIS[one]]) for one in ("u", "v"))
+    write(tmp_path, "time (s),torque,velocity (rad/s)", t, u, 1.65 + v / (3.0 * np.abs(v).max()))
+    asked = "velocity never comes to 0, begins at 1.65 and goes to both sides of it"
+    assert asked in done("init", "a.csv", cwd=tmp_path).stderr
+    assert asked in done("check", "a.csv", cwd=tmp_path).stdout
+    write(tmp_path, "time (s),torque,velocity (rad/s)", t, u, v)
+    assert "never comes to 0" not in done("check", "a.csv", cwd=tmp_path).stdout
+
+
+def test_tables_that_no_terminal_shows_end_without_blanks(tmp_path: Path) -> None:
+    write(tmp_path, "time (s),torque,velocity (rad/s)", AXIS["t"], AXIS["u"], AXIS["v"])
+    done("init", "a.csv", cwd=tmp_path)
+    for command in ("check", "detect", "diagnose"):
+        assert [line for line in done(command, "a.csv", cwd=tmp_path).stdout.splitlines() if line.endswith(" ")] == []
+
+
+def test_a_value_of_u_that_stands_alone_is_said_by_check(tmp_path: Path) -> None:
+    u = AXIS["u"].copy()
+    u[700] = 1e3
+    write(tmp_path, "time (s),torque,velocity (rad/s)", AXIS["t"], u, AXIS["v"])
+    done("init", "a.csv", cwd=tmp_path)
+    said = done("check", "a.csv", cwd=tmp_path).stdout
+    assert "1 value(s) of u stand alone, up to 1000, first in sample 700" in said
+    assert "signals.u_range" in said
+    assert "stand alone" not in done("check", "a.csv", "--set", "signals.u_range=[-100, 100]", cwd=tmp_path).stdout

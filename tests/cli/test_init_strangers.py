@@ -111,6 +111,24 @@ def test_on_a_terminal_it_is_asked(tmp_path: Path) -> None:
     assert (signals.u, signals.position_unit) == ("beta", "deg")
 
 
+def test_a_time_between_rows_is_asked_and_a_slip_of_the_hand_is_asked_again(tmp_path: Path) -> None:
+    """A missing sample time was left to a second command, and a name that is no column ended init."""
+    odd = np.round(5.0 * np.random.default_rng(2).standard_normal(AXIS["u"].size))
+    lines = strangers.rows(AXIS, AXIS["u"] + odd, AXIS["u"] - odd, AXIS["q"])
+    strangers.text(tmp_path, "what.csv", ["alpha,beta,pos", *lines])
+    master, slave = pty.openpty()
+    process = subprocess.Popen(
+        [*map(str, DSD), "init", "what.csv"], cwd=tmp_path, stdin=slave, stderr=slave, stdout=subprocess.PIPE
+    )
+    os.close(slave)
+    os.write(master, f"gamma\nbeta\nsoon\n-1\n{strangers.STEP}\ndeg\n".encode())
+    assert process.wait(timeout=120) == 0, os.read(master, 4000).decode()
+    os.close(master)
+    signals = load_config(tmp_path / "dsd.toml").signals
+    assert (signals.u, signals.sample_time, signals.time) == ("beta", strangers.STEP, None)
+    assert signals.position_unit == "deg"
+
+
 def test_columns_by_hand_by_number_and_values_that_are_set(tmp_path: Path) -> None:
     path = strangers.liveplotter(tmp_path, AXIS)
     done("init", path.name, "--u", "4", "--velocity", "2", "--set", "signals.u_sign=-1", "-o", "a.toml", cwd=tmp_path)

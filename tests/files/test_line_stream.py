@@ -219,3 +219,16 @@ def test_a_decimal_sign_that_a_column_shows_late_is_said(cells, told):
     rows_of(stream.batches())
     found = [one for one in stream.warnings if "decimal sign" in one]
     assert [one.startswith(told) for one in found] == ([True] if told else [])
+
+
+def test_a_preamble_of_a_stream_ends_where_the_columns_are_named():
+    """A file had its preamble left out; on stdin its first line was the header: no column "t"."""
+    stream = LineStream(pipe_with(b'"Scope","XEL"\nMade by hand\n"t","u"\n0,1\n1,2\n'), WANTED)
+    assert rows_of(stream.batches()) == [(0.0, 1.0), (1.0, 2.0)]
+    assert "line 3 is taken as the header" in stream.warnings[0]
+
+
+@pytest.mark.parametrize("content", [b"t,x\n0,1\n", b"Scope\nt,x\n0,1\n", b"t,x\n", b"t;x\n" * 200])
+def test_a_stream_that_never_names_a_needed_column_says_so(content):
+    with pytest.raises(DataError, match='no column "u"; it has t, x'):
+        LineStream(pipe_with(content), WANTED)

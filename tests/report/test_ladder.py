@@ -206,7 +206,7 @@ def test_an_addition() -> None:
 def test_a_history() -> None:
     out = io.StringIO()
     print_history("dsd.toml", HISTORY, out)
-    for part in ("2026-01-31 12:00", "0.4 -> 0.1 (-75 %)", "level 0.52 ", "from a [1].csv", "refit"):
+    for part in ("2026-01-31 12:00", "0.4 -> 0.1 (-75 %)", "level 0.52\n", "from a [1].csv", "refit"):
         assert part in out.getvalue()
     empty = io.StringIO()
     print_history("a [b].toml", [], empty)

@@ -10,7 +10,7 @@ import numpy as np
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.detect.tune.baum_welch import Fitted, fit
-from dsd_cli.detect.tune.choose import Choice, Path, choose, judged, smoothed
+from dsd_cli.detect.tune.choose import SLACK, Choice, Path, choose, judged, smoothed
 from dsd_cli.detect.tune.evidence import Evidence
 from dsd_cli.detect.tune.expect import Expected, expect, false_changes, quiet_logs, state_disturbances
 from dsd_cli.detect.tune.grid import Addition, additions, extended
@@ -33,7 +33,8 @@ class Tuning:
     changes : changes of state on the smoothed path.
     added : candidates that the grid lacked; they are in `grid`.
     visited : states of `grid` that the smoothed path has.
-    before, after : the tuning of the config and the chosen one, with their agreement with the smoothed path.
+    before, after : the tuning of the config and the chosen one, with their agreement with the smoothed path; the same
+        where no other is as good.
     expected : of the chosen one, by simulation.
     given, evidence, path : what it was made from: the recording with the grid of the config and with `grid`, and the
         smoothed path on that.
@@ -69,7 +70,7 @@ def tune(evidence: Evidence, progress: Callable[[str, float], None] = lambda _wh
     now, given = evidence.engine.settings, evidence
     progress("fitting noise and dwell times", 0.0)
     fitted, path = _path(evidence)
-    before = judged(evidence, now, path)
+    before, first = judged(evidence, now, path), (fitted, path)
     added = additions(evidence, path)
     if added:
         evidence = _on(evidence, extended(evidence.engine.grid, added))
@@ -83,6 +84,8 @@ def tune(evidence: Evidence, progress: Callable[[str, float], None] = lambda _wh
         lambda settings: sum(false_changes(evidence, settings, one) for one in quiet),
         lambda share: progress("trying tunings", 0.2 + 0.6 * share),
     )
+    if chosen.settings.method == now.method and chosen.agreement < before.agreement - SLACK:
+        chosen, evidence, added, (fitted, path) = before, given, [], first  # what is there is better than all of these
     progress("simulating what to expect", 0.8)
     return Tuning(
         samples=int(path.at.size),
@@ -94,7 +97,7 @@ def tune(evidence: Evidence, progress: Callable[[str, float], None] = lambda _wh
         visited=tuple(np.unique(path.states).tolist()),
         grid=evidence.engine.grid,
         before=before,
-        after=replace(chosen, settings=rounded(chosen.settings)),
+        after=before if chosen is before else replace(chosen, settings=rounded(chosen.settings)),
         expected=expect(evidence, chosen.settings, path),
         given=given,
         evidence=evidence,

@@ -174,7 +174,7 @@ def _missing(log: Log, restarts: Sequence[int]) -> tuple[float, int, float, str]
     """Of even stamps with holes: jitter beside them, as a share; samples in holes; the step, s; the remedy."""
     held = [(t, *_with_holes(t)) for t in _pieces(stamps_of(log), restarts) if t.size > 1]
     off = np.concatenate([np.zeros(1), *(np.diff(t - even) / apart for t, even, apart in held)])
-    missing = sum(round((even[-1] - even[0]) / apart) + 1 - even.size for _, even, apart in held)
+    missing = sum(round((e[-1] - e[0]) / a) + 1 - e.size for t, e, a in held if round(np.diff(t).max() / a) > 1)
     _, even, apart = max(held, key=lambda one: one[0].size, default=(None, np.zeros(1), log.sample_time))
     mend = f"round the stamps less {even[0]:.9g} s to multiples of {apart:.9g} s: missing ones are put in"
     return float(np.std(off)), missing, apart, mend

@@ -12,7 +12,7 @@ from bench.beyond import _tuning_runs as runs
 from dsd_cli.detect.engine import Engine
 from dsd_cli.detect.profile.changes import ChangeTest
 from dsd_cli.detect.transition import Transition
-from dsd_cli.detect.tune.choose import candidates
+from dsd_cli.detect.tune.choose import candidates, judged
 from dsd_cli.detect.tune.tuning import tune
 from dsd_cli.errors import UsageError
 from dsd_cli.files.config.values_edit import with_keys
@@ -151,3 +151,14 @@ def test_values_are_changed_in_place_and_missing_ones_added(end):
     assert with_keys("", {("detector", "rho"): 0.5}) == "\n[detector]\nrho = 0.5\n"
     with pytest.raises(UsageError, match="in place"):
         with_keys("detector = {rho = 0.3}\n", {("detector", "rho"): 0.5})
+
+
+def test_a_tuning_that_labels_worse_than_the_present_one_is_not_offered(monkeypatch):
+    """ "65.5 % -> 11.9 %" was printed, and the 11.9 % written."""
+    evidence, _ = runs.evidence("moves with rests")
+    worse = replace(evidence.engine.settings, window=2000, rho=5.0)
+    monkeypatch.setattr("dsd_cli.detect.tune.tuning.choose", lambda *_: judged(evidence, worse, _[1]))
+    tuning = tune(evidence)
+    assert tuning.after == tuning.before
+    assert tuning.after.settings == evidence.engine.settings
+    assert (tuning.added, tuning.grid) == ((), evidence.engine.grid)

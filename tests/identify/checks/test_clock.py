@@ -145,3 +145,11 @@ def test_a_log_of_pieces_is_judged_as_they_are():
     assert cut.errors == ()
     assert cut.band_hz == pytest.approx(whole.band_hz, rel=0.3)
     assert b.truth.sample_time == T
+
+
+def test_steps_that_are_longer_by_no_whole_sample_lack_none():
+    """Of steps of 1.0 and 1.2 ms: "and 228 samples are missing"; a sample that is lost makes a step of two."""
+    rng = np.random.default_rng(11)
+    t = np.concatenate([[0.0], np.cumsum(np.where(rng.random(19_999) < 0.11, 0.0012, 0.001))])
+    log = Log({"t": t, "u": np.sin(3.0 * t), "position": np.sin(3.0 * t)}, 0.001)
+    assert said(check_log(log), "missing") == []

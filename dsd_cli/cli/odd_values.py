@@ -1,0 +1,39 @@
+"""What `init` and `check` say of channels that rest at another value than 0, and of values that stand alone."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dsd_cli.identify.checks import Finding
+from dsd_cli.signals.log import Log
+from dsd_cli.signals.outliers import standing_alone
+from dsd_cli.signals.zero_offset import zero_offset
+
+
+def zero_offsets(log: Log) -> list[Finding]:
+    """Channels that rest at what is rather the zero of their sensor than a force or a speed."""
+    found = [(name, zero_offset(log[name])) for name in ("u", "velocity") if name in log]
+    return [
+        Finding(
+            f"{name} never comes to 0, begins at {zero:.4g} and goes to both sides of it: its sensor's zero?",
+            name,
+            "warning",
+            0.8,
+            f"take {zero:.4g} off its column first ([signals] has factors only): friction and loads are wrong by it",
+        )
+        for name, zero in found
+        if zero is not None
+    ]
+
+
+def lone_spikes(log: Log) -> list[Finding]:
+    """Single samples of u far beyond what it usually reaches, as of a wrong cell: no change of the speed answers."""
+    if "u" not in log or not log.channels.keys() & {"velocity", "position"}:
+        return []
+    at, speed = standing_alone(log["u"]).tolist(), log["velocity"] if "velocity" in log else np.diff(log["position"])
+    if not at or standing_alone(np.diff(speed)).size:
+        return []
+    largest = max((float(log["u"][k]) for k in at), key=abs)
+    what = f"{len(at)} value(s) of u stand alone, up to {largest:.4g}, first in sample {at[0]}: are these cells wrong?"
+    remedy = "signals.u_range = [low, high] leaves such rows out"
+    return [Finding(what, "u", "warning", 0.8, remedy)]
