@@ -11,15 +11,16 @@ from dsd_cli.signals.zero_offset import zero_offset
 
 
 def zero_offsets(log: Log) -> list[Finding]:
-    """Channels that rest at what is rather the zero of their sensor than a force or a speed."""
+    """Channels that rest at what may be the zero of their sensor; u holds a weight there as well."""
     found = [(name, zero_offset(log[name])) for name in ("u", "velocity") if name in log]
     return [
         Finding(
-            f"{name} never comes to 0, begins at {zero:.4g} and goes to both sides of it: its sensor's zero?",
+            f"{name} never comes to 0, begins at {zero:.4g} and goes to both sides of it:"
+            f" {'a weight that it holds, or ' if name == 'u' else ''}its sensor's zero?",
             name,
-            "warning",
+            "note" if name == "u" else "warning",
             0.8,
-            f"take {zero:.4g} off its column first ([signals] has factors only): friction and loads are wrong by it",
+            f"of the sensor: take {zero:.4g} off its column first ([signals] has factors only)",
         )
         for name, zero in found
         if zero is not None
