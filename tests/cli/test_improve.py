@@ -181,7 +181,7 @@ def test_history_and_undo(rig: Path, engine: Engine, capsys) -> None:
     out = capsys.readouterr().out
     for part in (
         "coulomb_friction",
-        "level 0.52 ",
+        "level 0.52\n",
         "amplitude 0.200 +- 0.004",
         "0.402 -> 0.113 (-72 %)",
         "gravity",

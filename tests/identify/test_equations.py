@@ -12,7 +12,7 @@ from dsd_cli.identify.fit.blocks import lay_blocks
 from dsd_cli.identify.fit.equations import equations_of
 from dsd_cli.identify.fit.errors import Errors
 from dsd_cli.identify.fit.noise import HALF
-from dsd_cli.identify.fit.stretches import mean_of_middles
+from dsd_cli.identify.fit.stretches import MEAN_OF_MIDDLES
 from dsd_cli.identify.fit.values import coefficients_of, terms_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
@@ -21,6 +21,7 @@ from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.references import Multisine, Trapezoids
 from dsd_cli.plant.simulation import Measurement, SimulationSettings, simulate
 from dsd_cli.signals.log import Log
+from dsd_cli.signals.passes import passed
 
 T, J, STARTUP = 0.002, 0.012, 40
 OBSERVER = ObserverSettings(nominal_inertia=0.01, time_constant=0.008)
@@ -76,6 +77,10 @@ def _share(left, whole):
 
 
 # -- the weight of the acceleration -----------------------------------------------------------------------------------
+
+
+def _mean_of_middles(x):
+    return passed(x, MEAN_OF_MIDDLES, 1)
 
 
 def _held_mean(u, start, end, delay, weight, parts=400):
@@ -204,8 +209,8 @@ def test_smooth_columns_are_means_of_sines_up_to_an_eighth_of_the_sample_rate(se
     allowed = NEXT * angle**4
     np.testing.assert_allclose(stretch.mean.velocity[inner], (box * middle)[inner], atol=OF_MEAN * allowed)
     np.testing.assert_allclose(stretch.middle.velocity[inner], middle[inner], atol=OF_MIDDLE * allowed)
-    np.testing.assert_allclose(mean_of_middles(middle)[inner], (box * middle)[inner], atol=OF_MIDDLES * allowed)
-    column = mean_of_middles(stretch.middle.velocity)
+    np.testing.assert_allclose(_mean_of_middles(middle)[inner], (box * middle)[inner], atol=OF_MIDDLES * allowed)
+    column = _mean_of_middles(stretch.middle.velocity)
     found = stretch.acting(column, smooth=True, held=False)
     wanted = box**2 * np.sin(angle * k + 0.3) if sensor == "position" else box * middle
     orders = OF_MIDDLE + OF_MIDDLES + (OF_MEAN if sensor == "position" else 0.0)
@@ -221,7 +226,7 @@ def test_at_an_eighth_of_the_sample_rate_a_column_is_off_by_less_than_two_percen
     box = math.sin(angle / 2) / (angle / 2)
     power, place = (2, k) if sensor == "position" else (1, k - 0.5)
     wanted = box**power * np.sin(angle * place + 0.3)
-    found = stretch.acting(mean_of_middles(stretch.middle.velocity), smooth=True, held=False)
+    found = stretch.acting(_mean_of_middles(stretch.middle.velocity), smooth=True, held=False)
     assert np.abs(found - wanted)[10:-10].max() < 0.02
     assert np.abs(np.sin(angle * place + 0.3) - wanted)[10:-10].max() > 0.024
 

@@ -80,7 +80,7 @@ _CUBIC = np.array([[0.0, -2.0, 3.0, -1.0], [6.0, -3.0, -6.0, 3.0], [0.0, 6.0, 3.
 #: Mean over two intervals, that before a sample and the next.
 _HALVES = np.array([0.5, 0.5])
 #: Mean over an interval out of the values in the middle of it and of its neighbours.
-_MEAN_OF_MIDDLES = np.array([1.0, 22.0, 1.0]) / 24.0
+MEAN_OF_MIDDLES = np.array([1.0, 22.0, 1.0]) / 24.0
 
 
 class DelayTap(NamedTuple):
@@ -166,7 +166,7 @@ class Stretch:
             return [self.sign * c for c in columns]
         if effect.role is Role.STRUCTURE:
             return columns
-        return [-c if effect.memory else passed(c, -_MEAN_OF_MIDDLES, 1) for c in columns]
+        return [-c if effect.memory else passed(c, -MEAN_OF_MIDDLES, 1) for c in columns]
 
     def acting(self, x: Array, smooth: bool, held: bool) -> Array:
         """A force per interval as the acceleration averages it.
