@@ -1,6 +1,7 @@
 """What is left beyond a fit: nothing beside the truth, a law where one is missing, pushes where something pushed."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import diagnose
-from dsd_cli.identify.verdict.discrepancy import Discrepancy, before_climb, discrepancy_of, left_elsewhere
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, before_climb, discrepancy_of, left_elsewhere, noise_of_u
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Log
 from tests.identify.search_rig import BELIEVED, MOVES, OBSERVER, SINES, T, posed, seen
@@ -139,6 +140,14 @@ def test_noise_of_u_is_no_function_of_u(seed):
     channels["u"] = piece["u"] + 0.3 * np.std(piece["u"]) * rng.normal(size=len(piece))
     search = Search(pose([prepare(Log(channels, T, "log.csv"), OBSERVER)], BELIEVED, Settings(effects=())))
     assert "u" not in discrepancy_of(search, search.refit).on
+
+
+@pytest.mark.parametrize(("white", "left", "wanted"), [(True, 1.7, True), (True, 1.5, False), (False, 1.7, False)])
+def test_what_the_sensor_leaves_is_no_noise_of_u(white, left, wanted):
+    """A clean log of an axis leaves what is white, too, and its u falls above the band."""
+    errors = SimpleNamespace(rmse=lambda _fit: left, white=lambda _fit: white)
+    search = SimpleNamespace(problem=SimpleNamespace(errors=errors, floor=1.0))
+    assert noise_of_u(search, None) is wanted
 
 
 def test_what_a_set_explains_is_counted_from_where_the_climb_began():
