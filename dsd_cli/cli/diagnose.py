@@ -89,7 +89,7 @@ def _found(
 
 def _without_verdict(found: Diagnosis, blocked: Finding | None) -> Diagnosis:
     """No effect is named while u has the sign that no axis has: the functions that follow it stand for the inertia."""
-    if blocked is None or found.blocked:
+    if blocked is None:
         return found
     from dsd_cli.identify.results import UNKNOWN
 

@@ -18,9 +18,9 @@ def zero_offsets(log: Log) -> list[Finding]:
             f"{name} never comes to 0, begins at {zero:.4g} and goes to both sides of it:"
             f" {'a weight that it holds, or ' if name == 'u' else ''}its sensor's zero?",
             name,
-            "note" if name == "u" else "warning",
+            "note",
             0.8,
-            f"of the sensor: take {zero:.4g} off its column first ([signals] has factors only)",
+            f"of the sensor: take {zero:.4g}, over its factor in [signals], off its column first",
         )
         for name, zero in found
         if zero is not None

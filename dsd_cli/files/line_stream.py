@@ -64,9 +64,8 @@ class LineStream:
         self._source = GrowingLines(source, head, stop, idle_timeout)
         self._header: dialects.Header | None = None
         self._restart = False  # what comes next is another recording
-        self._comment, self._line = "", 0
-        self._refused: DataError | None = None  # what the last line lacks that could be the header
-        self._rows = 0
+        self._comment, self._line, self._rows, self._widest = "", 0, 0, 0
+        self._refused: DataError | None = None  # what the widest line lacks that could be the header
         self.column_names: list[str] = []
         self.columns: dict[str, str] = {}
         self.metadata = read_sidecar(self._path) if self._path is not None else {}
@@ -149,7 +148,8 @@ class LineStream:
         except DataError as error:
             if told.header is not None or told.skip_rows or self._line > _PREAMBLE:
                 raise
-            self._refused, self._header = error, None  # of a preamble, if the columns are named further down
+            self._refused = error if len(header.names) > self._widest else self._refused
+            self._header, self._widest = None, max(len(header.names), self._widest)  # a preamble, if named further down
             self._above.append(Row(self._line - 1, header.names, False))
             return False
         if self._refused is not None:

@@ -105,8 +105,9 @@ def unwrapped(q: Array) -> tuple[Array, int, float]:
     moved = 0.5 * (others[np.maximum(at - 1, 0)] + others[np.minimum(at, others.size - 1)])
     sizes, usual = np.abs(steps[jumps] - moved), float(np.percentile(np.abs(others), USUAL))
     size = float(np.median(sizes))
-    turn = _whole_turn(size, usual)
-    if turn == size and (often or jumps.size == 1 or np.ptp(q) > size + STEPS_BESIDE * usual):
+    known = _whole_turn(size, usual)
+    turn = size if known is None else known
+    if known is None and (often or jumps.size == 1 or np.ptp(q) > size + STEPS_BESIDE * usual):
         return q, 0, 0.0  # a new zero; and what wraps stays within a turn
     if often and np.diff(jumps).min() == 1:
         return q, 0, 0.0
@@ -124,9 +125,9 @@ def _may_be_wraps(jumps: Array, others: Array, often: bool) -> bool:
     return bool(np.abs(jumps).min() > WRAP_CHANGES * changes and (far or not often))
 
 
-def _whole_turn(size: float, usual: float) -> float:
-    """The turn that a jump stands for: a known one if there is one within the usual step, else the jump itself."""
+def _whole_turn(size: float, usual: float) -> float | None:
+    """The turn that a jump stands for: a known one if there is one within the usual step."""
     counts = 2.0 ** np.arange(8, 33)
     known = np.array([2.0 * np.pi, np.pi, 360.0, 180.0, 1.0, *counts, 1000.0, 4000.0, 10000.0, 100000.0, 1e6])
     near = known[np.argmin(np.abs(known - size))]
-    return float(near) if abs(near - size) <= STEPS_BESIDE * usual + _PRINTED * size else size
+    return float(near) if abs(near - size) <= STEPS_BESIDE * usual + _PRINTED * size else None

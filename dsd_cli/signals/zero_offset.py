@@ -15,8 +15,10 @@ EITHER_SIDE = 0.1
 
 def zero_offset(x: Array) -> float | None:
     """What a channel begins with, if it rests there, goes to both sides of it and never comes to 0; shape (n,)."""
-    low, high = float(x.min()), float(x.max())
+    low, high = (float(x.min()), float(x.max())) if x.size else (0.0, 0.0)
     begin, span = x[:FIRST], high - low
+    if not span > 0.0:  # it does not move, or has no number somewhere
+        return None
     rest = float(np.median(begin))
     if low <= 0.0 <= high or np.ptp(begin) > STILL * span or min(rest - low, high - rest) < EITHER_SIDE * span:
         return None

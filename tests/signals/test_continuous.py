@@ -93,6 +93,13 @@ def test_a_single_jump_by_no_known_turn_is_a_new_zero():
     assert (found.wraps, found.jumps) == (0, (400,))
 
 
+@pytest.mark.parametrize("turn", [360.0, 65536.0, 1.0])
+def test_a_single_jump_by_a_known_turn_is_a_wrap(turn):
+    """At an even speed it is just that long."""
+    found = continuous(np.mod(np.arange(4000) * 0.3e-3 * turn, turn))
+    assert (found.wraps, found.jumps) == (1, ())
+
+
 def test_moves_that_end_at_one_place_are_no_wraps_where_the_travel_is_longer():
     q = np.concatenate([np.sin(np.linspace(0.0, 2.3, 900))] * 3)
     assert continuous(q).wraps == 0
