@@ -10,6 +10,7 @@ from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.plant.observer import observe_log
 from dsd_cli.plant.prediction import predict_d_hat
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.spread import rms
 
 #: rho, as a multiple of what the first model leaves; and at least, as a share of u: no sensor is better than that.
 RHO_OF_LEFT, RHO_LEAST = 1.5, 0.002
@@ -22,13 +23,13 @@ def put_rho(loaded: LoadedLog, model: PlantModel, observer: ObserverSettings, wi
     """rho, and whether a force is missing, which then hides what delays and inertias differ by; `window`: samples."""
     error = _error(loaded, model, observer)
     size, spread = np.abs(error), float(np.std(loaded.log["u"]))
-    left = _rms(size[size <= np.quantile(size, 0.95)]) if size.size else 0.0
+    left = rms(size[size <= np.quantile(size, 0.95)]) if size.size else 0.0
     if not 0.0 < left < spread:  # more is no fit at all
         return
     rho = float(f"{max(RHO_OF_LEFT * left, RHO_LEAST * spread):.3g}")
     why = f"{RHO_OF_LEFT:g} times what inertia and delay leave"
     means = error[: error.size // window * window].reshape(-1, window).mean(axis=1)
-    if left > SHARE_OF_U * spread and means.size and _rms(means) > SLOW * _rms(error):
+    if left > SHARE_OF_U * spread and rms(means) > SLOW * rms(error):
         why += ", and that is a force missing in [model], no noise: before dsd detect, dsd improve LOG --states"
     out.put("detector", "rho", rho, why)
 
@@ -39,7 +40,3 @@ def _error(loaded: LoadedLog, model: PlantModel, observer: ObserverSettings) -> 
     observed = log if "d_hat" in log and not ("velocity" in log or "position" in log) else observe_log(log, observer)
     error: Array = observed["d_hat"] - predict_d_hat(model, observed, observer)
     return error[np.isfinite(error)]
-
-
-def _rms(x: Array) -> float:
-    return float(np.sqrt(np.mean(x**2)))
