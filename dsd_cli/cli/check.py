@@ -120,7 +120,7 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
     ).named(config.signals.units)
     fast = _too_fast(config, result.excitation.top_speed or 0.0)
     asked = [_open_unit(config)] if config.signals.units.assumed else []
-    odd = [*fast, *zero_offsets(loaded.log), *lone_spikes(loaded.log)]
+    odd = [*fast, *zero_offsets(loaded.log, config.signals), *lone_spikes(loaded.log)]
     result = replace(result, findings=(*odd, *result.findings, *asked))
     if window(config.signals):
         result = replace(result, findings=tuple(_widened(finding) for finding in result.findings))

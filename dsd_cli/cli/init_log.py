@@ -7,7 +7,7 @@ import shlex
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from types import MappingProxyType
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,7 @@ from dsd_cli.cli.init_proposal import (
     name_unit,
     questions,
     settle_units,
+    signals_of,
 )
 from dsd_cli.cli.init_questions import column_question, step_question, without_coarse_stamps
 from dsd_cli.cli.init_roles import Chosen, choose
@@ -204,7 +205,6 @@ def _read(
         settle_units(units_of(chosen.table, found, TIME_SCALE[unit], apart), out)
     factors = factors_of(out)
     scale = TIME_SCALE[unit]
-    loaded = load_log(
-        path, names, sample_time=sample_time, time_scale=scale, factors=factors, most_rows=ROWS, layout=layout
-    )
+    clock: dict[str, Any] = {"sample_time": sample_time, "time_scale": scale, "offsets": signals_of(out).offsets()}
+    loaded = load_log(path, names, **clock, factors=factors, most_rows=ROWS, layout=layout)
     return loaded, factors

@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from dsd_cli.cli.init_delay import explains, only_channel, put_delays, short
-from dsd_cli.cli.init_proposal import Proposal
+from dsd_cli.cli.init_proposal import Proposal, signals_of
 from dsd_cli.cli.init_rho import put_rho
 from dsd_cli.cli.odd_values import zero_offsets
 from dsd_cli.cli.recordings import by_updates, on_its_clock, to_turn_u
@@ -51,7 +51,8 @@ def propose_numbers(
     out.put("observer", "time_constant", float(f"{5 * step:.3g}"), "5 samples; take your observer's if d_hat is logged")
     window = int(np.clip(round(WINDOW / step), FEWEST, MOST))
     out.put("detector", "window", window, f"{window * step:.3g} s")
-    out.said += [f"{one.what}: {one.remedy}" for one in (*checked.errors, *zero_offsets(log))]
+    found = (*checked.errors, *zero_offsets(log, signals_of(out)))
+    out.said += [f"{one.what}{'' if one.what.endswith('?') else ':'} {one.remedy}" for one in found]
     if _told(checked, "inertia") is None and not checked.errors:  # too little for the scan may do beside a model
         checked = check_log(log, PlantModel(1.0), None, loaded.restarts)
     inertia, delay = _told(checked, "inertia"), _told(checked, "delay")

@@ -158,14 +158,18 @@ def is_open(out: Proposal, channel: str) -> bool:
     return out.values.get(("signals", f"{channel}_unit")) == json.dumps(UNKNOWN)
 
 
-def factors_of(out: Proposal) -> dict[str, float]:
-    """Channel -> factor, as the config will have it."""
+def signals_of(out: Proposal) -> Signals:
+    """[signals] as the config will have it."""
     written: dict[str, Any] = {
         key: json.loads(text) for (section, key), text in out.values.items() if section == "signals"
     }
     told = {key: value for key, value in written.items() if key in Signals.keys and key != "sample_time"}
-    factors = Signals(**told).factors()
-    return {channel: value for channel, value in factors.items() if channel in _SCALE_KEYS}
+    return Signals(**told)
+
+
+def factors_of(out: Proposal) -> dict[str, float]:
+    """Channel -> factor, as the config will have it."""
+    return {channel: value for channel, value in signals_of(out).factors().items() if channel in _SCALE_KEYS}
 
 
 def _toml(value: object) -> str:

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from dsd_cli.files.config.signals import Signals
 from dsd_cli.identify.checks import Finding
 from dsd_cli.signals.log import Log
 from dsd_cli.signals.outliers import standing_alone
 from dsd_cli.signals.zero_offset import zero_offset
 
 
-def zero_offsets(log: Log) -> list[Finding]:
+def zero_offsets(log: Log, signals: Signals) -> list[Finding]:
     """Channels that rest at what may be the zero of their sensor; u holds a weight there as well."""
     found = [(name, zero_offset(log[name])) for name in ("u", "velocity") if name in log]
+    factor, off = signals.factors(), signals.offsets()
     return [
         Finding(
             f"{name} never comes to 0, begins at {zero:.4g} and goes to both sides of it:"
@@ -20,7 +22,7 @@ def zero_offsets(log: Log) -> list[Finding]:
             name,
             "note",
             0.8,
-            f"of the sensor: take {zero:.4g}, over its factor in [signals], off its column first",
+            f"if of the sensor, set signals.{name}_offset = {zero / factor.get(name, 1.0) + off.get(name, 0.0):.4g}",
         )
         for name, zero in found
         if zero is not None

@@ -103,6 +103,7 @@ def reading(config: Config) -> dict[str, Any]:
         "sample_time": signals.sample_time,
         "time_scale": TIME_SCALE[signals.time_unit],
         "factors": signals.factors(),
+        "offsets": signals.offsets(),
         "command": command(signals),
         "limits": limits(signals),
         "window": window(signals),
@@ -133,7 +134,8 @@ def rows_read(table: TableSource, config: Config) -> TableSource:
     """The rows of a table as [signals] and [observer] say that they are read."""
     signals = config.signals
     clock: dict[str, Any] = {"time_scale": TIME_SCALE[signals.time_unit], "sample_time": signals.sample_time}
-    return as_read(table, command(signals), window(signals), signals.factors(), made=made(config), **clock)
+    clock |= {"offsets": signals.offsets(), "made": made(config)}
+    return as_read(table, command(signals), window(signals), signals.factors(), **clock)
 
 
 @contextmanager

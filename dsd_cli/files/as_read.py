@@ -19,6 +19,7 @@ def as_read(
     window: Window,
     factors: Mapping[str, float],
     *,
+    offsets: Mapping[str, float] | None = None,
     made: Made | None = None,
     time_scale: float,
     sample_time: float | None,
@@ -29,7 +30,7 @@ def as_read(
 
     Parameters
     ----------
-    factors : channel -> what its column is multiplied by.
+    factors : channel -> what its column is multiplied by. offsets : channel -> what is taken off it before that.
     made : how a logged d_hat was made; None is as here.
     time_scale : s per unit of the stamps. sample_time : s from row to row, where there are no stamps.
     unwrap : not where the wraps themselves are looked for.
@@ -40,5 +41,5 @@ def as_read(
     """
     table = counted_on(table)
     part = windowed(as_it_acted(table, command, time_scale, sample_time), window, time_scale, sample_time)
-    whole = scaled(unwrapped(part, factors.get("position", 1.0)) if unwrap else part, factors)
+    whole = scaled(unwrapped(part, factors.get("position", 1.0)) if unwrap else part, factors, offsets)
     return as_observed(whole, made or Made(), time_scale, sample_time)

@@ -56,6 +56,7 @@ def load_log(
     sample_time: float | None = None,
     time_scale: float = 1.0,
     factors: Mapping[str, float] | None = None,
+    offsets: Mapping[str, float] | None = None,
     command: Command | None = None,
     made: Made | None = None,
     unwrap: bool = False,
@@ -72,7 +73,7 @@ def load_log(
     signals : canonical name (see `CHANNELS`) -> column; without "t" the `sample_time` (s) is needed.
     optional : canonical names whose columns may be missing.
     time_scale : s per unit of the time column.
-    factors : channel -> what its column is multiplied by.
+    factors : channel -> what its column is multiplied by. offsets : channel -> what is taken off it before that.
     command : how u was logged; None is a held one, as it acted.
     made : how d_hat was; None is as here.
     unwrap : see `unwrapped`.
@@ -91,25 +92,24 @@ def load_log(
     command = command or Command()
     table = watched(open_table(path, signals, optional, u_hold=command.hold, layout=layout), watch)
     clock: dict[str, Any] = {"time_scale": time_scale, "sample_time": sample_time}
-    table = as_read(table, command, window or Window(), factors or {}, made=made, **clock, unwrap=unwrap)
+    clock |= {"made": made, "offsets": offsets, "unwrap": unwrap}
+    table = as_read(table, command, window or Window(), factors or {}, **clock)
     cleaner = Cleaner(sample_time, time_scale, limits=limits)
     channels, restarts = _joined(_cleaned(table, cleaner, most_rows))
     if not channels or cleaner.sample_time is None:
         raise DataError(
             f"{table.name}: no row has a value in every needed column ({', '.join(table.columns.values())})"
         )
-    log = _log(table, channels, cleaner.sample_time, factors or {}, command)
+    log = _log(table, channels, cleaner.sample_time, factors_text(factors or {}, offsets), command)
     _give_back()
     dropped = dropped_with_unreadable(cleaner.dropped, table.unreadable)
     return LoadedLog(log, dropped, (*table.warnings, *cleaner.warnings), restarts, bool(cleaner.regular))
 
 
-def _log(
-    table: TableSource, channels: dict[str, Array], sample_time: float, factors: Mapping[str, float], command: Command
-) -> Log:
+def _log(table: TableSource, channels: dict[str, Array], sample_time: float, factors: str, command: Command) -> Log:
     """The channels with where they are from."""
     metadata = {key: text for key, text in table.metadata.items() if key not in (D_HAT_SOURCE, SAMPLE_TIME)}
-    metadata |= {FACTORS: factors_text(factors)} if factors else {}
+    metadata |= {FACTORS: factors} if factors else {}
     source = table.metadata.get(D_HAT_SOURCE, "logged")
     known = source in _D_HAT_SOURCES and "d_hat" in channels
     d_hat_source = cast(DHatSource, source) if known else "logged"

@@ -1,4 +1,4 @@
-"""A table whose columns are multiplied by the factors of [signals], once, where a log is read."""
+"""A table whose columns have the offsets and factors of [signals], once, where a log is read."""
 
 from __future__ import annotations
 
@@ -14,38 +14,43 @@ from dsd_cli.files.wrapped import WrappedTable
 FACTORS = "signals_factors"
 
 
-def scaled(table: TableSource, factors: Mapping[str, float]) -> TableSource:
-    """The table with each channel times its factor; the table itself, bit by bit, where none of its channels has one.
+def scaled(table: TableSource, factors: Mapping[str, float], offsets: Mapping[str, float] | None = None) -> TableSource:
+    """The table with each channel less its offset, times its factor; itself, bit by bit, where no channel has any.
 
     Raises
     ------
     DataError : the log was written by this tool with such factors in it already.
     """
     mine = {channel: factor for channel, factor in factors.items() if channel in table.columns and factor != 1.0}
-    if not mine:
+    off = {channel: offset for channel, offset in (offsets or {}).items() if channel in table.columns}
+    if not mine and not off:
         return table
     if table.metadata.get(FACTORS):
         raise DataError(
             f"{table.name}: the factors of [signals] are in it already ({table.metadata[FACTORS]})",
-            "leave signals.u_sign, u_scale, velocity_scale and position_scale out for this log",
+            "leave signals.u_sign and the keys of its scales and offsets out for this log",
         )
-    return _ScaledTable(table, mine)
+    return _ScaledTable(table, mine, off)
 
 
-def factors_text(factors: Mapping[str, float]) -> str:
-    """For the metadata: `u x -1, position x 0.0174533`."""
-    return ", ".join(f"{channel} x {factor:.12g}" for channel, factor in factors.items())
+def factors_text(factors: Mapping[str, float], offsets: Mapping[str, float] | None = None) -> str:
+    """For the metadata: `u - 1.65, u x -1, position x 0.0174533`."""
+    zeros = [f"{channel} - {offset:.12g}" for channel, offset in (offsets or {}).items()]
+    return ", ".join([*zeros, *(f"{channel} x {factor:.12g}" for channel, factor in factors.items())])
 
 
 class _ScaledTable(WrappedTable):
-    """With channels multiplied."""
+    """With channels less their offsets, multiplied."""
 
-    def __init__(self, table: TableSource, factors: Mapping[str, float]) -> None:
+    def __init__(self, table: TableSource, factors: Mapping[str, float], offsets: Mapping[str, float]) -> None:
         super().__init__(table)
         self._factors = factors
+        self._offsets = offsets
 
     def batches(self) -> Iterator[Batch]:
         for batch in self._table.batches():
             with np.errstate(over="ignore"):  # what overflows is not finite, and dropped as such
-                changed = {c: batch.columns[c] * f for c, f in self._factors.items() if c in batch.columns}
-            yield batch._replace(columns={**batch.columns, **changed})
+                columns = batch.columns
+                columns = {**columns, **{c: columns[c] - off for c, off in self._offsets.items() if c in columns}}
+                columns = {**columns, **{c: columns[c] * f for c, f in self._factors.items() if c in columns}}
+            yield batch._replace(columns=columns)

@@ -1,5 +1,5 @@
-"""Signs and scales of [signals]: a disguised log, read with the factors that undo it, is the log; factors are powers of
-two, so that nothing is rounded and results must be the same bits."""
+"""Signs, scales and offsets of [signals]: a disguised log, read with what undoes it, is the log. Factors are powers of
+two, and values have few digits, so that nothing is rounded and results must be the same bits."""
 
 import json
 import signal
@@ -17,9 +17,13 @@ from dsd_cli.files.config import parse_config
 from dsd_cli.files.logs import load_log
 from tests.cli.rig import CONFIG, DSD, csv_text, done, dsd, interruptible, make_log, read_labels, refused, same, write
 
-FACTORS = "[signals]\nu_sign = -1\nu_scale = 0.25\nvelocity_scale = 2\nposition_scale = -0.5\n"
+FACTORS = (
+    "[signals]\nu_sign = -1\nu_scale = 0.25\nvelocity_scale = 2\nposition_scale = -0.5\n"
+    "u_offset = 1.5\nvelocity_offset = -0.25\n"
+)
 #: What turns a channel into what the disguised file holds.
 DISGUISE = {"u": -4.0, "d_hat": 4.0, "velocity": 0.5, "position": -2.0, "reference": -2.0}
+ZEROS = {"u": 1.5, "velocity": -0.25}
 MODEL = "[model]\ninertia = 1.0\ndelay = 0.005\n"
 
 
@@ -36,11 +40,12 @@ def channels(rows: int = 300) -> dict[str, np.ndarray]:
     log = make_log(rows)
     velocity = np.cumsum(log["u"]) * 0.001
     position = np.cumsum(velocity) * 0.001
-    return {**log, "velocity": velocity, "position": position, "reference": position + 0.1}
+    plain = {**log, "velocity": velocity, "position": position, "reference": position + 0.1}
+    return {name: column if name == "t" else np.round(column * 2.0**24) / 2.0**24 for name, column in plain.items()}
 
 
 def disguised() -> dict[str, np.ndarray]:
-    return {name: column * DISGUISE.get(name, 1.0) for name, column in channels().items()}
+    return {name: column * DISGUISE.get(name, 1.0) + ZEROS.get(name, 0.0) for name, column in channels().items()}
 
 
 def test_factors_are_those_that_are_not_one():
@@ -58,7 +63,8 @@ def test_factors_are_those_that_are_not_one():
 def test_a_log_in_memory_has_them_once(rig, name):
     path = write(rig, name, disguised())
     signals = {channel: channel for channel in ("t", *DISGUISE)}
-    log = load_log(path, signals, factors=parse_config(FACTORS).signals.factors(), command=Command("sampled")).log
+    read = {**reading(parse_config(FACTORS)), "command": Command("sampled")}
+    log = load_log(path, signals, **read).log
     for channel, column in channels().items():
         np.testing.assert_array_equal(log[channel], column)
     assert log.u_hold == "sampled"
@@ -69,6 +75,7 @@ def test_ranges_and_outliers_are_judged_with_them_in(rig, key, spike):
     """The column holds half the speed: only with the factor in is the spike beyond the limit, and 1.7 within."""
     spoiled = {**disguised(), "velocity": np.full(300, 0.25)}
     spoiled["velocity"][[100, 200]] = 1.7, spike
+    spoiled["velocity"] += ZEROS["velocity"]
     path = write(rig, "log.csv", spoiled)
     (rig / "dsd.toml").write_text(f"{FACTORS}{key}\n{CONFIG}{MODEL}")
     signals = {channel: channel for channel in ("t", *DISGUISE)}
@@ -153,3 +160,20 @@ def test_a_log_with_factors_that_does_not_say_whose_its_columns_are_is_refused(r
     beside.write_text(json.dumps(metadata))
     refused(dsd("detect", "older.csv", cwd=rig), 1, "older.csv", "in it already", "u_sign")
     refused(dsd("compare", "older.csv", cwd=rig), 1, "older.csv", "in it already")
+
+
+def test_a_sensor_zero_is_said_with_its_key_and_taken_off(tmp_path):
+    """A current of 2 A per V about 1.65 V, of an axis of 0.02 kg m2 at 0.3 N m/A."""
+    t = np.arange(8000) * 0.001
+    current = (np.sin(8.2 * t) + 0.5 * np.sin(19.5 * t)) * (t > 0.5)
+    velocity = np.append(0.0, np.cumsum(0.3 * current / 0.02)[:-1] * 0.001)
+    write(tmp_path, "log.csv", {"t": t, "current_V": 1.65 + current / 2.0, "velocity_rad_s": velocity})
+    said = done("init", "log.csv", cwd=tmp_path).stderr
+    assert "signals.u_offset = 1.65" in said
+    scale = ("--set", "signals.u_scale=0.6")
+    assert "signals.u_offset = 1.65" in done("check", "log.csv", *scale, cwd=tmp_path).stdout
+    zero = ("--set", "signals.u_offset=1.65")
+    init = done("init", "log.csv", "--force", *scale, *zero, cwd=tmp_path)
+    assert "never comes to 0" not in init.stderr
+    assert "\ninertia = 0.02 " in (tmp_path / "dsd.toml").read_text()
+    assert "never comes to 0" not in done("check", "log.csv", cwd=tmp_path).stdout

@@ -98,6 +98,12 @@ class Signals(Section):
     u_scale: float = key(
         number(above=0), "factor: what the columns u and d_hat hold, times this, is in the unit of u", default=1.0
     )
+    u_offset: float = key(
+        number(), "what the column u holds where u is 0, in its own unit; taken off before all else", default=0.0
+    )
+    velocity_offset: float = key(
+        number(), "what the column velocity holds at rest, in its own unit; taken off before all else", default=0.0
+    )
     velocity_scale: float = key(
         factor(), "factor: what the column velocity holds, times this, is rad/s or m/s; negative turns it", default=1.0
     )
@@ -208,6 +214,11 @@ class Signals(Section):
         }
         return {channel: value for channel, value in found.items() if value != 1.0}
 
+    def offsets(self) -> dict[str, float]:
+        """What is taken off a channel's column, in its own unit, without those that are 0."""
+        found = {"u": self.u_offset, "velocity": self.velocity_offset}
+        return {channel: value for channel, value in found.items() if value != 0.0}
+
     def _factor(self, table: Mapping[str, tuple[str, float]], unit: str) -> float:
         if unit.startswith("counts"):
             turn = self.counts_per_turn
@@ -258,7 +269,8 @@ def _in_counts(values: Mapping[str, Any]) -> dict[str, str]:
 
 #: Keys of [signals] that say how a column is read, and those that name one.
 _READING = (
-    *("sample_time", "time_unit", "u_sign", "u_scale", "u_shift", "u_filter", "velocity_scale", "position_scale"),
+    *("sample_time", "time_unit", "u_sign", "u_scale", "u_offset", "u_shift", "u_filter"),
+    *("velocity_scale", "velocity_offset", "position_scale"),
     *("position_unit", "velocity_unit", "counts_per_turn", "counts_per_metre"),
 )
 COLUMNS = ("time", "u", "d_hat", "velocity", "position", "reference")
