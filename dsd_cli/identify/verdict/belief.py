@@ -99,7 +99,7 @@ class UnnamedLaws:
         own = max(rmse(rest) ** 2 - rmse(self.whole) ** 2, 0.0)
 
         def share(left: float) -> float:
-            return own / max(own + (POLICY.stands_in * left) ** 2, 1e-300)
+            return own / max(own + left**2, 1e-300)
 
         placed, left = of_places(member.effect) and self.elsewhere > 0.0, self.left
         if placed:  # what no function of the position takes over acts beside it
@@ -109,8 +109,8 @@ class UnnamedLaws:
             beside, instead = self._shares(member) if self.misfit else (1.0, 0.0)
         background = min(self.left, POLICY.least_unknown * self.search.problem.errors.force)
         if member.effect.memory:  # no function of the channels does what another law with memory does
-            background = self.left
-        return beside * share(background) + instead * share(left)
+            background = POLICY.stands_in * self.left
+        return beside * share(background) + instead * share(POLICY.stands_in * left)
 
     def imitates(self, member: Term, there: float) -> bool:
         """Whether a law of the position that the other half of the travel speaks against is rather not there."""
