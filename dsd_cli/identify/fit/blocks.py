@@ -165,12 +165,12 @@ def without_noise(gram: Array, noise: Array, rows: ArrayLike) -> Array:
     noise : covariance of the noise in a row of the columns, shape (p, p). rows : how many rows each matrix sums over,
         shape (...). No more is taken than half of what a column has.
     """
-    noisy = np.flatnonzero(np.diag(noise) > 0.0)
+    sizes, rows = noise.diagonal(), np.asarray(rows)
+    noisy = np.flatnonzero(sizes > 0.0)
     if not noisy.size:
         return gram
     own = gram[..., 1 + noisy, 1 + noisy]
-    expected = np.diag(noise)[noisy] * np.asarray(rows)[..., None]
-    times = np.asarray(rows) * np.minimum(1.0, np.min(0.5 * own / np.maximum(expected, 1e-300), axis=-1))
+    times = rows * np.minimum(1.0, np.min(0.5 * own / np.maximum(sizes[noisy] * rows[..., None], 1e-300), axis=-1))
     gram = gram.copy()
     gram[..., 1:, 1:] -= times[..., None, None] * noise
     return gram

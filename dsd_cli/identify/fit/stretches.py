@@ -143,7 +143,7 @@ class Stretch:
     @property
     def acceleration(self) -> Array:
         """As measured, where it counts."""
-        return self.measured * self.clear
+        return self._counting(self.measured)
 
     def channels(self, drive: Array, effect: Effect) -> Channels:
         """What an effect looks at under that delayed u: means over the interval, or the values in the middle of it."""
@@ -205,14 +205,16 @@ class Stretch:
         if part.next is None:
             return self.acting(mean, not self.stepping, held)
         mean = mean * self.free if held else mean
-        return np.asarray(0.5 * (np.append(mean[1:], mean[-1]) if part.next else mean) * self.clear)
+        return self._counting(0.5 * (np.append(mean[1:], mean[-1]) if part.next else mean))
 
     def averaged(self, x: Array, smooth: bool) -> Array:
         """x per interval -> as the acceleration averages it."""
         if not self.two_intervals:
-            return x * self.clear
-        found = passed(x, MEAN_OF_FOUR, 1) if smooth else passed(x, _HALVES, 0)
-        return found * self.clear
+            return self._counting(x)
+        return self._counting(passed(x, MEAN_OF_FOUR, 1) if smooth else passed(x, _HALVES, 0))
+
+    def _counting(self, x: Array) -> Array:
+        return x * self.clear if "clear" in self.log else x
 
 
 def stretch_of(log: Log, recording: Recording, owner: int) -> Stretch:
