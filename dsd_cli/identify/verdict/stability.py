@@ -49,10 +49,10 @@ def with_stability(
     asked = [
         ("the first half of the data", _half(recordings, 0), settings),
         ("the second half", _half(recordings, 1), settings),
-        ("half the band", recordings, replace(settings, band=1.0 / POLICY.other_bands)),
-        ("twice the band", recordings, replace(settings, band=POLICY.other_bands)),
+        ("half the band", recordings, replace(settings, band=0.5)),
+        ("twice the band", recordings, replace(settings, band=2.0)),
     ]
-    if found.band_hz * POLICY.other_bands > POLICY.highest_share / recordings[0].sample_time:
+    if found.band_hz * 2.0 > POLICY.highest_share / recordings[0].sample_time:
         asked.pop()
     variants = tuple(v for what, some, how in asked if (v := _variant(found, what, some, model, how)) is not None)
     if all(one.same for one in variants):
