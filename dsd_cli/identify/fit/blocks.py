@@ -82,8 +82,8 @@ class Blocks:
         return weight.reshape(-1)
 
 
-def lay_blocks(lengths: Sequence[int], gap: int, name: str) -> Blocks:
-    """Blocks over stretches of that many rows each; `gap` : rows between what is fitted and what is judged.
+def lay_blocks(lengths: Sequence[int], gap: int, name: str, most: int = POLICY.most_blocks) -> Blocks:
+    """`most` blocks over stretches of that many rows each; `gap` : rows between what is fitted and what is judged.
 
     Raises TooShort where they are too short for two folds.
     """
@@ -96,7 +96,7 @@ def lay_blocks(lengths: Sequence[int], gap: int, name: str) -> Blocks:
             "a longer log, or a finer sensor",
         )
     # as many as folds at least: of two halves one speeds up and the other slows down
-    long = max(min(usual, total // POLICY.folds), total // POLICY.most_blocks, 1)
+    long = max(min(usual, total // POLICY.folds), total // most, 1)
     starts: list[int] = []
     before: list[bool] = []
     after: list[bool] = []
