@@ -68,7 +68,6 @@ class Policy:
     pulse_deviations: float = 8.0  # standard errors of its mean: it is the best of very many windows
     unsure_push: float = 0.25  # of a row in which the axis may rest or turn, from which on it shows no push
     weakest_pulse: float = 0.1  # of the strongest; less is part of its edges
-    same_level: float = 0.2  # of a level, by which the sum of two pushes may be off that are on top of each other
     of_place: float = 0.35  # of the pushes' variance that the position explains; no true ones reach it by chance
 
     # -- what matters in practice --
