@@ -10,7 +10,7 @@ from dsd_cli.identify.fit.bank import Bank, Term
 from dsd_cli.identify.fit.equations import equations_of
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import Settings, pose
-from dsd_cli.identify.recordings.levels import Deviations, with_levels
+from dsd_cli.identify.recordings.excerpts import Deviations, with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Estimate
 from dsd_cli.identify.search.levels import Asked, _with_their_effects, deviations, levelled

@@ -206,8 +206,6 @@ def balance(
 ) -> Balance | None:
     """Rows of all stretches that are long enough; None if there are too few.
 
-    Parameters
-    ----------
     cutoff : Hz, at most that of the band.
     reach : s before and after a row within which u must be there.
     cycle : s after which the motion repeats itself, see `in_phase`.

@@ -108,9 +108,7 @@ class Accuracy:
 def evaluate(recordings: Sequence[Recording], model: PlantModel, observer: ObserverSettings) -> Evaluation:
     """The model's prediction for every piece; the recordings' d_hat has the sign of eq. 13.
 
-    Raises
-    ------
-    DataError : sample times that differ, an effect without its channel, or too few samples.
+    Raises DataError : sample times that differ, an effect without its channel, or too few samples.
     """
     positive = replace(observer, sign=1)
     lead = model.delay + SETTLED * observer.time_constant

@@ -104,13 +104,9 @@ def run_forward(
 ) -> Forward:
     """Simulate every piece from its first position and speed, and compare.
 
-    Parameters
-    ----------
     horizon : s; the open loop begins anew from the measured position and speed each time it has run so long.
 
-    Raises
-    ------
-    DataError : the simulation diverges, or the logs have neither position nor velocity.
+    Raises DataError : the simulation diverges, or the logs have neither position nor velocity.
     UsageError : a horizon shorter than a sample.
     """
     pieces = [piece for recording in recordings for piece in recording.pieces]
@@ -175,8 +171,6 @@ def open_loop(
 ) -> dict[str, Array]:
     """Position and velocity under the logged u, shape (n,) each; u before the log is held at u_0.
 
-    Parameters
-    ----------
     horizon : each time it has run for so many s it begins anew from the measured motion; what effects remember stays.
     start : speed at the first sample; None is the logged one. rest_speed : an axis no faster than that rests.
     """

@@ -95,14 +95,10 @@ class Mended:
 def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), rest_speed: float = 0.0) -> Recording:
     """The log in stretches, with d_hat and the motion.
 
-    Parameters
-    ----------
     restarts : samples that do not continue the one before.
     rest_speed : `[model] rest_speed`; the larger of it and what the noise asks for is kept.
 
-    Raises
-    ------
-    DataError : the log lacks u, or everything that d_hat could be had from, or no stretch is long enough.
+    Raises DataError : the log lacks u, or everything that d_hat could be had from, or no stretch is long enough.
     """
     if "u" not in log:
         raise DataError(f"{log.source}: no u", "set signals.u to the column with the control input")

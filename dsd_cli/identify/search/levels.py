@@ -25,8 +25,7 @@ from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.row_weights import inflation, many_sure
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.excerpts import excerpts
-from dsd_cli.identify.recordings.levels import Deviations, may_differ, with_levels
+from dsd_cli.identify.recordings.excerpts import Deviations, excerpts, may_differ, with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.drift_search import searched
 from dsd_cli.identify.search.long_logs import Task

@@ -13,10 +13,9 @@ from dsd_cli.identify.missing import Missing
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
 from dsd_cli.identify.search.sets import Option, Search
-from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, before_climb, only_at_stops, said_of_left
-from dsd_cli.identify.verdict.limits import Limits
+from dsd_cli.identify.verdict.limits import Limits, advice_for
 from dsd_cli.identify.verdict.own_values import ParameterCheck
 from dsd_cli.identify.verdict.probability import (
     Membership,
@@ -129,9 +128,8 @@ class Verdict:
         return min((best, *near), key=lambda name: get_effect(name).rarity)
 
     def _weightless(self, fit: Fit) -> bool:
-        """Whether effects explain u, which is not all friction, by itself (hardly any inertia is left) or J a so."""
-        scale, errors = self.problem.scale, self.problem.errors
-        return not self.search.solver.inverse and (scale.weightless(fit) or errors.shaken(fit))
+        """Whether effects explain u, which is not all friction, by itself: hardly any inertia is left."""
+        return not self.search.solver.inverse and self.problem.scale.weightless(fit)
 
     def _share_of_possible(self, before: float, after: float) -> float:
         """Explained share of the power that could be explained; 1 where nothing unknown remains."""

@@ -17,8 +17,7 @@ from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import terms_of
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.excerpts import excerpts
-from dsd_cli.identify.recordings.levels import with_levels
+from dsd_cli.identify.recordings.excerpts import excerpts, with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Diagnosis, Variant
 from dsd_cli.identify.search.sets import Search
