@@ -237,7 +237,7 @@ def levelled(task: Task) -> Levelled:
         return _beside(task, task.settings.levels)
     now = _at_first(Search(pose(excerpts(task.recordings), task.model, task.settings, task.holdout)))
     for _ in range(_ROUNDS):
-        found = _with_their_effects(_beside(task, now))
+        found = _beside(task, now)
         then = deviations(found.search, found.whole)
         if _the_same(then, now):
             return found
@@ -264,22 +264,6 @@ def _the_same(a: Sequence[Deviations], b: Sequence[Deviations]) -> bool:
         return False
     pairs = ((p, q, s) for x, y in zip(a, b, strict=True) for p, q, s in zip(x.by_log, y.by_log, x.errors, strict=True))
     return all(abs(p - q) <= max(s, _SETTLED * abs(q)) for p, q, s in pairs)
-
-
-def _with_their_effects(found: Levelled) -> Levelled:
-    """With each effect whose level differs in place of one that stands in for the mean of its levels: a load that
-    differs from log to log is there in one of them at least, and its mean looks like a weight that hardly turns."""
-    search, whole = found.search, found.whole
-    for name in dict.fromkeys(one.effect for one in found.levels if one.effect in search.allowed):
-        if any(t.id == name for t in whole.terms):
-            continue
-        limit = (1.0 + POLICY.nearly_the_same) * search.problem.errors.rmse(whole)
-        rest = (tuple(t for t in whole.terms if t != member) for member in search.added(whole.terms))
-        fits = [search.fit((*terms, Term(name)), whole.tap) for terms in rest]
-        near = [fit for fit in fits if search.problem.errors.rmse(fit) <= limit]
-        if near:
-            whole = search.settled(min(near, key=search.problem.errors.rmse))
-    return replace(found, whole=whole)
 
 
 def deviations(search: Search, fit: Fit, more: tuple[str, ...] = ()) -> tuple[Deviations, ...]:
