@@ -1,9 +1,4 @@
-"""Blocks of rows that are held out in turn, with a gap beside them, and inner products of rows per segment.
-
-A log is cut into contiguous blocks; block b belongs to fold b mod K, so that every fold sees every part of the
-experiment. What is held out is a whole block; what is fitted leaves out the `gap` rows beside a held-out block, because
-filters, delays and windows tie neighbouring rows together.
-"""
+"""Blocks of rows that are held out in turn, with a gap beside them, and inner products of rows per segment."""
 
 from __future__ import annotations
 

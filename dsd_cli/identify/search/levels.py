@@ -1,9 +1,7 @@
 """Levels that differ between the logs of one rig: friction that warmed up, an offset of one day.
 
-Effects say which of their values do (`Effect.varies`). Beside all functions of the motion such a value gets a deviation
-in each log; those that are certain and of use are forces that are known to act in that log, and the search begins again
-without them. The model keeps the mean of the logs. A force that depends on the place or the speed is no level, wherever
-the logs were taken: what a function of the motion does as well is not identified.
+A force that depends on the place or the speed is no level, wherever the logs were taken: what a function of the motion
+does as well is not identified.
 """
 
 from __future__ import annotations

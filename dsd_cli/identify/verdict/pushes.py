@@ -108,11 +108,8 @@ def pushes_leave_more(search: Search, whole: Fit) -> bool:
 
 
 def law_of_pushes(search: Search, fit: Fit) -> str:
-    """What the pushes of a fit are a function of, "position" or "time"; "" where they come as pushes do.
-
-    Pushes that follow each other without a pause are a force that changes in time. Pushes that come wherever the axis
-    is at one place are an end stop or the like: their force is explained by the position better than that of the same
-    pushes at other times would be.
+    """What the pushes of a fit are a function of, "position" or "time" (they follow each other without a pause); ""
+    where they come as pushes do.
     """
     event = next((t for t in fit.terms if t.effect.listed), None)
     if event is None:
