@@ -158,8 +158,8 @@ def accuracy(evaluation: Evaluation) -> Accuracy:
     return Accuracy(
         samples=errors.size,
         rmse=size,
-        fit_percent=_percent_left(size, spread),
-        vaf_percent=_percent_left(float(np.var(errors)), float(np.var(measured))),
+        fit_percent=percent_left(size, spread),
+        vaf_percent=percent_left(float(np.var(errors)), float(np.var(measured))),
         bias=float(errors.mean()),
         max_error=float(np.abs(errors).max()),
         relative_error_percent=_percent(size, rms(evaluation.pooled(lambda s: s.net))),
@@ -171,6 +171,7 @@ def _percent(part: float, whole: float) -> float | None:
     return 100.0 * part / whole if whole > 0.0 else None
 
 
-def _percent_left(part: float, whole: float) -> float | None:
+def percent_left(part: float, whole: float) -> float | None:
+    """100 (1 - part / whole); None of nothing."""
     share = _percent(part, whole)
     return None if share is None else 100.0 - share
