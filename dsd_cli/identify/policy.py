@@ -130,7 +130,8 @@ class Policy:
     value_deviations: float = 4.0  # standard errors from which on a value is wrong, or a load has a frequency, or a gap
     contradicting_deviations: float = 3.0  # standard deviations from which on a log contradicts a prior or held value
     not_identified: float = 1e3  # standard errors over the value; more is no estimate
-    tied_correlation: float = 0.97  # of two values, above which it is said; with the inertia only the ratio is known
+    tied_correlation: float = 0.97  # of two values, above which they are one; with the inertia only the ratio is known
+    reported_correlation: float = 0.9  # of two values, above which it is reported
     blocks_per_unknown: int = 3  # below which the scatter over blocks is no estimate of a covariance
 
     # -- nothing is missing --

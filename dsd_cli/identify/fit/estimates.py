@@ -79,7 +79,8 @@ def correlated(together: Array, estimates: Mapping[str, Estimate]) -> Correlatio
         (names[i], names[j], float(together[i, j]))
         for i in range(len(names))
         for j in range(i + 1, len(names))
-        if not (estimates[names[i]].held or estimates[names[j]].held) and abs(together[i, j]) > POLICY.tied_correlation
+        if not (estimates[names[i]].held or estimates[names[j]].held)
+        and abs(together[i, j]) > POLICY.reported_correlation
     )
     return tuple(sorted(pairs, key=lambda pair: -abs(pair[2])))
 
