@@ -127,12 +127,7 @@ def _as(taken: Callable[[Log, tuple[int, ...]], Updated], loaded: LoadedLog) -> 
 
 
 def _one_sign(log: Log, checked: CheckResult) -> None:
-    """A d_hat that its own u and motion contradict answers nothing.
-
-    Raises
-    ------
-    DataError : one of them has another sign than the others.
-    """
+    """Raises DataError where a d_hat is logged that its u and motion contradict: that answers nothing."""
     from dsd_cli.errors import DataError
 
     first = checked.errors[0] if "d_hat" in log and checked.errors else None
@@ -195,12 +190,7 @@ def to_turn_u(checked: CheckResult) -> Finding | None:
 
 
 def believed_model(config: Config) -> PlantModel:
-    """[model] with what [fit] fixes in it; its inertia must be given, in one of them.
-
-    Raises
-    ------
-    UsageError : it is not.
-    """
+    """[model] with what [fit] fixes in it; raises UsageError where neither gives an inertia."""
     return known_values(config).applied(_written_model(config))
 
 
