@@ -58,6 +58,12 @@ class Errors:
         moving = self.force + whole_inertia(fit) * _rms(self.bank.acceleration[self._keep])
         return _rms(force[self._keep]) > moving
 
+    def shaken(self, fit: Fit) -> bool:
+        """Whether lines in time move the axis and u is hardly any of J a: a motion that is the sum of a few sines, as
+        many a reference is, they explain without any u, and with an inertia as large as they like."""
+        lines = any(t.effect.repeats is not None and not t.effect.needs for t in fit.terms)
+        return lines and self.force < POLICY.fair_part * self.moving(whole_inertia(fit))
+
     def residual(self, fit: Fit, held_out: bool = True) -> Array:
         """Of the forward form, each row by the fit that did not see its block, or by the fit to all.
 

@@ -128,8 +128,9 @@ class Verdict:
         return min((best, *near), key=lambda name: get_effect(name).rarity)
 
     def _weightless(self, fit: Fit) -> bool:
-        """Whether effects explain u, which is not all friction, by itself: hardly any inertia is left."""
-        return not self.search.solver.inverse and self.problem.scale.weightless(fit)
+        """Whether effects explain u, which is not all friction, by itself (hardly any inertia is left) or J a so."""
+        scale, errors = self.problem.scale, self.problem.errors
+        return not self.search.solver.inverse and (scale.weightless(fit) or errors.shaken(fit))
 
     def _share_of_possible(self, before: float, after: float) -> float:
         """Explained share of the power that could be explained; 1 where nothing unknown remains."""
