@@ -1,8 +1,4 @@
-"""The band in which forces are balanced: as far up as the measured acceleration stands above the noise of its sensor.
-
-Beyond it a second difference of the position is noise. Both sides of the balance pass the same low-pass without phase
-and are decimated, so a coarse encoder makes few equations, and good ones.
-"""
+"""The band in which forces are balanced: as far up as the acceleration stands above its sensor's noise."""
 
 from __future__ import annotations
 

@@ -1,9 +1,4 @@
-"""Blocks of rows that are held out in turn, with a gap beside them, and inner products of rows per segment.
-
-A log is cut into contiguous blocks; block b belongs to fold b mod K, so that every fold sees every part of the
-experiment. What is held out is a whole block; what is fitted leaves out the `gap` rows beside a held-out block, because
-filters, delays and windows tie neighbouring rows together.
-"""
+"""Blocks of rows that are held out in turn, with a gap beside them, and inner products of rows per segment."""
 
 from __future__ import annotations
 
@@ -82,8 +77,8 @@ class Blocks:
         return weight.reshape(-1)
 
 
-def lay_blocks(lengths: Sequence[int], gap: int, name: str) -> Blocks:
-    """Blocks over stretches of that many rows each; `gap` : rows between what is fitted and what is judged.
+def lay_blocks(lengths: Sequence[int], gap: int, name: str, most: int = POLICY.most_blocks) -> Blocks:
+    """`most` blocks over stretches of that many rows each; `gap` : rows between what is fitted and what is judged.
 
     Raises TooShort where they are too short for two folds.
     """
@@ -96,7 +91,7 @@ def lay_blocks(lengths: Sequence[int], gap: int, name: str) -> Blocks:
             "a longer log, or a finer sensor",
         )
     # as many as folds at least: of two halves one speeds up and the other slows down
-    long = max(min(usual, total // POLICY.folds), total // POLICY.most_blocks, 1)
+    long = max(min(usual, total // POLICY.folds), total // most, 1)
     starts: list[int] = []
     before: list[bool] = []
     after: list[bool] = []

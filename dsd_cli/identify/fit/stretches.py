@@ -29,12 +29,8 @@ def resting(velocity: Array, rest_speed: ArrayLike) -> NDArray[np.bool_]:
 
     rest_speed : up to which the axis may rest, one for all samples or shape (n,).
 
-    A run of slow samples is a rest if the speed neither passes through zero nor only comes near it: its mean is a
-    small part of the band of slow speeds, and so is its change along a fitted line; or the acceleration of that line
-    is a small part of the usual one, for noise alone may tilt a rest. A mere reversal is no rest: friction's direction
-    is known on either side of it. Noise may exceed the band for a moment, so that runs in wider bands count, too.
-    An axis that creeps, by a fine sensor, far below its usual speed, sticks: friction holds it up to its level, and its
-    direction says nothing.
+    A run of slow samples is a rest if it `_stays`; noise may exceed the band for a moment, so that runs in wider bands
+    count, too. An axis that creeps, by a fine sensor, far below its usual speed, sticks.
     """
     usual_speed = float(np.sqrt(np.mean(velocity**2)))
     most = POLICY.resting_most * usual_speed

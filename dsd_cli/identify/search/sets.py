@@ -1,8 +1,4 @@
-"""Which set of effects explains the recordings: steps forward, back and sideways until nothing gets better.
-
-One effect at a time would name substitutes (drag for friction plus damping). So the search goes on to the whole set,
-removes what became needless, exchanges members for other candidates, and ranks the members only then.
-"""
+"""Which set of effects explains the recordings: steps forward, back and sideways until nothing gets better."""
 
 from __future__ import annotations
 
