@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
+from functools import lru_cache
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -264,9 +265,12 @@ def sinc(x: Any) -> Any:
 
 def log_spaced(low: float, high: float, count: int) -> list[float]:
     """`count` values from low to high, each the same factor above the one before; [] unless 0 < low < high < inf."""
-    if not 0.0 < low < high < math.inf:
-        return []
-    return [float(x) for x in np.geomspace(low, high, count)]
+    return list(_log_spaced(low, high, count)) if 0.0 < low < high < math.inf else []
+
+
+@lru_cache(maxsize=256)  # a search asks for the ends of the same ranges again and again
+def _log_spaced(low: float, high: float, count: int) -> tuple[float, ...]:
+    return tuple(np.geomspace(low, high, count).tolist())
 
 
 def decay(x: Any) -> tuple[Any, Any]:

@@ -15,7 +15,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dsd_cli.identify.checks.d_hat_maker import maker_by_motion
+from dsd_cli.identify.checks.disturbance import maker_by_motion
 from dsd_cli.identify.checks.stretches import cut
 from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.estimates import grade
@@ -129,9 +129,7 @@ def of_log(
 ) -> Maker | None:
     """Who made its d_hat: by the motion where that is logged, else the likeliest; None where it does not say.
 
-    Raises
-    ------
-    DataError : it is too short, or lacks u or d_hat.
+    Raises DataError : it is too short, or lacks u or d_hat.
     """
     if "velocity" in log or "position" in log:
         found = maker_by_motion(cut(log, restarts), observer, makers)
@@ -143,9 +141,7 @@ def of_log(
 def likeliest(asked: OpenLog) -> Beliefs:
     """In the makers, with what is found in the log as the likeliest of them made it.
 
-    Raises
-    ------
-    DataError : the log is too short, or lacks u or d_hat.
+    Raises DataError : the log is too short, or lacks u or d_hat.
     """
     return _searched(asked, lambda r, _: diagnose(r, asked.model, asked.observer, asked.settings))[1]
 

@@ -34,9 +34,7 @@ def add_effect(
 ) -> Addition:
     """The model with this effect in it, all values fitted again; "inertia" or "delay" fits the values it has.
 
-    Raises
-    ------
-    UsageError : no such effect, or the model has it.
+    Raises UsageError : no such effect, or the model has it.
     DataError : it cannot be tested on these recordings, or the held-out error does not fall.
     """
     own = effect_id in (INERTIA, DELAY)
@@ -116,8 +114,6 @@ def ended(
 ) -> Iterator[Ended]:
     """The model that was reached, then one less for every added effect that no longer matters; the last one stays.
 
-    Parameters
-    ----------
     given : the model as it was; its own effects are never taken out. newest : what was taken last, nor is this.
     """
     reached = settings.known.applied(reached)

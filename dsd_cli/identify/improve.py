@@ -9,7 +9,7 @@ from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.final_fit import Ended, add_effect, ended
 from dsd_cli.identify.missing import Missing
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.levels import with_levels
+from dsd_cli.identify.recordings.excerpts import with_levels
 from dsd_cli.identify.recordings.recording import Mended, Recording
 from dsd_cli.identify.results import (
     DELAY,
@@ -51,14 +51,10 @@ def improve(
     """Diagnose, add what `choose` says, measure again; every step lowers the held-out error, but for one that only the
     response above the band identifies: that one must not raise it by more than `POLICY.least_fall`.
 
-    Parameters
-    ----------
     choose : gets a diagnosis, gives the effect (or value) to take, or None to stop.
     on_step : called with every rung, the model as given first. on_told : see `diagnose`.
 
-    Raises
-    ------
-    DataError, UsageError : as `diagnose`.
+    Raises DataError, UsageError : as `diagnose`.
     """
     report = progress or (lambda _what, _share: None)
     climb = _Climb(recordings, observer, settings or Settings(), holdout, on_step)

@@ -61,7 +61,6 @@ class Policy:
     cycle_left: float = 0.5  # correlation of the speed with itself, below which it has gone elsewhere in between
     cycle_alike: float = 0.98  # and that it has again a cycle later
     least_periods: float = 2.5  # of a line in the log or the travel; fewer are a trend
-    periods_apart: float = 1.0  # of two lines of one kind in the log or the travel; nearer ones are not distinguished
 
     # -- pulses in time --
     most_pulses: int = 6  # of a stretch and of a log; more are a law
@@ -69,7 +68,6 @@ class Policy:
     pulse_deviations: float = 8.0  # standard errors of its mean: it is the best of very many windows
     unsure_push: float = 0.25  # of a row in which the axis may rest or turn, from which on it shows no push
     weakest_pulse: float = 0.1  # of the strongest; less is part of its edges
-    same_level: float = 0.2  # of a level, by which the sum of two pushes may be off that are on top of each other
     of_place: float = 0.35  # of the pushes' variance that the position explains; no true ones reach it by chance
 
     # -- what matters in practice --
@@ -127,16 +125,13 @@ class Policy:
     stands_in: float = 3.0  # times what is left; what takes off no more stands in for another law half the time
     rows_of_a_choice: float = 3.0  # independent equations that halve a belief; times the square of the set's size
     surest_in_doubt: float = 0.9  # "unknown", for the search may have missed an effect; what parts do not bear out
-    other_bands: float = 2.0  # by which the band is divided and multiplied, and the verdict tried again there
 
     # -- values --
     value_deviations: float = 4.0  # standard errors from which on a value is wrong, or a load has a frequency, or a gap
     contradicting_deviations: float = 3.0  # standard deviations from which on a log contradicts a prior or held value
     not_identified: float = 1e3  # standard errors over the value; more is no estimate
-    tied_correlation: float = 0.97  # with the inertia, above which only the ratio to it is identified
-    tied_error: float = 0.02  # relative error above which that is said
+    tied_correlation: float = 0.97  # of two values, above which they are one; with the inertia only the ratio is known
     reported_correlation: float = 0.9  # of two values, above which it is reported
-    prior_share: float = 1e-3  # of the log in a value, below which it is no evidence against its prior
     blocks_per_unknown: int = 3  # below which the scatter over blocks is no estimate of a covariance
 
     # -- nothing is missing --
@@ -161,8 +156,6 @@ class Policy:
     creep_share: float = 1e-3  # of the rms speed, up to which a sticking axis may creep
     presliding_share: float = 0.01  # of it, up to which friction may not have reached its level, if that lasts a row
     clear_acceleration: float = 0.12  # of the rms of u: noise of J a above which the smoothed speed's slope is taken
-    clear_signs: float = 8.0  # standard errors from which on a sign counts
-    correlated_samples: float = 50.0  # of d_hat that count as one, for that
 
     # -- smoothing --
     smoothing_growth: float = 1.1  # of what a window removes over narrower ones, from which on it removes signal

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields, replace
 from typing import Any, Literal
 
 from dsd_cli.identify.missing import Missing, Unexplained
-from dsd_cli.identify.recordings.levels import Deviations
+from dsd_cli.identify.recordings.excerpts import Deviations
 from dsd_cli.identify.recordings.recording import Mended
 from dsd_cli.plant.model import DELAY as DELAY
 from dsd_cli.plant.model import INERTIA as INERTIA

@@ -44,7 +44,9 @@ def poles_of(intervals: Iterable[float], time_constant: float) -> Array:
     """
     if time_constant <= 0.0:
         return np.zeros(len(list(intervals)))
-    return np.array([math.exp(-max(interval, 0.0) / time_constant) for interval in intervals], dtype=np.float64)
+    intervals = list(intervals)
+    pole = {interval: math.exp(-max(interval, 0.0) / time_constant) for interval in set(intervals)}  # few, as a rule
+    return np.array([pole[interval] for interval in intervals], dtype=np.float64)
 
 
 def delay_taps(delay: float, sample_time: float) -> tuple[int, float]:

@@ -119,6 +119,11 @@ class Frame:
     def _middles(self) -> Array:
         return np.asarray(self.times + 0.5 * self._ahead)
 
+    @cached_property
+    def _centres(self) -> Array:
+        """Of the interval that ends at each sample."""
+        return np.asarray(self.times - 0.5 * self.intervals)
+
     def changed_command(self, effect_id: str, shape: Shape, command: Array) -> Array:
         """`command` after the input effect of that shape."""
         missing = np.broadcast_to(np.nan, len(command))
@@ -148,8 +153,7 @@ class Frame:
 
     def channels(self, drive: Array, motion: IntervalChannels) -> Channels:
         """What effects look at, in the interval that ends at each sample, under that delayed u."""
-        times = self.times - 0.5 * self.intervals
-        return Channels(times, drive, motion.velocity, motion.position, self.intervals)
+        return Channels(self._centres, drive, motion.velocity, motion.position, self.intervals)
 
     def net_force(self, model: PlantModel) -> Array:
         """Delayed u and all forces on the motor, mean over each interval, unit of u, shape (n,).

@@ -6,7 +6,7 @@ from dsd_cli.effects import catalogue
 from dsd_cli.effects.base import Effect, Parameter, Role
 from dsd_cli.effects.catalogue import register, unregister
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate
-from dsd_cli.identify.verdict.advice import advice_for
+from dsd_cli.identify.verdict.limits import advice_for
 
 
 def leader(effect, *rivals):

@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from dsd_cli.identify.fit import bank as bank_module
 from dsd_cli.identify.fit.band import band_of
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Bank, Term, commands, drive, has_friction, inputs_of, raw_columns
 from dsd_cli.identify.fit.equations import Equations, equations_of
@@ -275,3 +276,21 @@ def test_events_are_columns_of_their_own_wherever_their_edges_were_before(equati
         found = bank.columns(Term.of("external_force", {"edges": tuple(moved)}), 0, keep=False, held=held)
         alone = [Term.of("external_force", {"edges": (edge,)}) for edge in moved]
         np.testing.assert_array_equal(found, [Bank(equations).columns(e, 0, held=held)[0] for e in alone])
+
+
+def test_a_shape_of_late_is_not_made_anew_and_those_of_long_ago_are_gone(equations, monkeypatch):
+    """Searches beside other effects ask for the same ones; all that were ever asked for would not fit into memory."""
+    made, columns_of = [], bank_module.columns_of
+    monkeypatch.setattr(bank_module, "columns_of", lambda *asked: made.append(asked[1]) or columns_of(*asked))
+    plain = Bank(equations)
+    monkeypatch.setattr(bank_module, "_RECENT", 3 * len(plain.acceleration))
+    white = Bank(equations.with_whitening(*2 * [np.array([2.0])]), plain)
+    shapes = [Term.of("cogging", {"periods": 3.0 + i}) for i in range(4)]
+    first = white.columns(shapes[0], 2, keep=False)
+    for term in shapes[:3]:
+        wanted = [2.0 * x for x in columns_of(equations, term, 0.0, False)]
+        np.testing.assert_array_equal(white.columns(term, 2, keep=False), wanted)
+    assert made == shapes[:3]
+    white.columns(shapes[3], 2, keep=False)
+    np.testing.assert_array_equal(white.columns(shapes[0], 2, keep=False), first)
+    assert made == [*shapes, shapes[0]]

@@ -5,7 +5,8 @@ import pytest
 
 from dsd_cli.identify.compare.balance import Balance, balance_of
 from dsd_cli.identify.compare.comparison import compare
-from dsd_cli.identify.compare.dependence import Columns, channels_of, dependence, explained_share, held_out_folds
+from dsd_cli.identify.compare.dependence import channels_of, dependence, explained_share
+from dsd_cli.identify.fit.blocks import lay_blocks
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
@@ -65,13 +66,13 @@ def test_the_true_model_leaves_nothing(seed):
 
 def test_a_pair_is_named_only_if_it_says_more_than_its_channels():
     """v and q together: a damping that grows along the way."""
-    equations = _balance(recorded(noise=0.0)).errors.equations
-    channels = channels_of(equations, BELIEVED)
+    errors = _balance(recorded(noise=0.0)).errors
+    equations, channels = errors.equations, channels_of(errors.equations, BELIEVED)
     law = [p.values["velocity"] * np.sin(4.0 * p.values["position"]) for p in channels.pieces]
     residual = equations.acting(law, smooth=True, held=True)[equations.kept]
 
     def share(*on):
-        return explained_share(residual, channels.columns(on), GAP)
+        return explained_share(residual, *channels.columns(on), lay_blocks([len(residual)], 5, "log"))
 
     assert share("velocity", "position") > max(share("velocity"), share("position"), 0.0) + 0.2
     names = _shares(recorded({"viscous_friction": {"coefficient": 0.02}}))
@@ -85,36 +86,19 @@ def test_hats_sum_to_one_on_every_channel():
     channels = channels_of(equations, PlantModel(0.01))
     one = equations.acting([np.ones(len(s.log)) for s in equations.stretches], False, True)[equations.kept]
     for on in (("position",), ("u",), ("time",), ("u", "position"), ("velocity",)):
-        columns = channels.columns(on)
-        np.testing.assert_allclose(columns.values.sum(axis=1), one, atol=1e-12)
-        assert columns.penalty.shape == (columns.values.shape[1],) * 2
-
-
-def test_held_out_blocks_are_held_out():
-    """No row that is tested, nor its neighbours within the gap, is fitted to; all rows are tested once."""
-    rows = 1000
-    tested = np.zeros(rows, dtype=int)
-    for fold in held_out_folds(rows, GAP):
-        omitted = np.zeros(rows, dtype=int)
-        for test, omit in fold:
-            tested[test] += 1
-            omitted[omit] += 1
-            assert omit.start == max(test.start - GAP, 0)
-            assert omit.stop == min(test.stop + GAP, rows)
-        assert omitted.max() == 1
-    assert (tested == 1).all()
-    assert held_out_folds(11 * GAP, GAP) == []
+        columns, penalty = channels.columns(on)
+        np.testing.assert_allclose(np.sum(columns, axis=0), one, atol=1e-12)
+        assert penalty.shape == (len(columns),) * 2
 
 
 def test_a_fit_that_saw_what_it_is_judged_on_would_explain_noise():
     """Many columns of noise explain noise within the log; on held-out blocks they do not."""
     noise = rng(7)
-    residual = noise.normal(size=600)
-    columns = Columns(noise.normal(size=(600, 120)), np.zeros((120, 120)))
-    inside = np.linalg.lstsq(columns.values, residual, rcond=None)[1][0]
+    residual, columns = noise.normal(size=600), noise.normal(size=(120, 600))
+    inside = np.linalg.lstsq(columns.T, residual, rcond=None)[1][0]
     assert 1.0 - inside / np.sum(residual**2) > 0.15
-    assert explained_share(residual, columns, 5) < 0.0
-    assert explained_share(residual[:20], Columns(columns.values[:20], columns.penalty), 5) is None
+    blocks = lay_blocks([600], 5, "log")
+    assert explained_share(residual, list(columns), np.zeros((120, 120)), blocks) < 0.0
 
 
 def test_a_long_log_is_read_in_excerpts_with_the_same_answer():

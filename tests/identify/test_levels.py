@@ -6,14 +6,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsd_cli.identify.fit.bank import Bank, Term
+from dsd_cli.identify.fit.bank import Bank
 from dsd_cli.identify.fit.equations import equations_of
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import Settings, pose
-from dsd_cli.identify.recordings.levels import Deviations, with_levels
+from dsd_cli.identify.recordings.excerpts import Deviations, with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Estimate
-from dsd_cli.identify.search.levels import Asked, _with_their_effects, deviations, levelled
+from dsd_cli.identify.search.levels import Asked, deviations, levelled
 from dsd_cli.identify.search.long_logs import Task
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import diagnose
@@ -171,10 +171,8 @@ def test_a_weight_that_makes_the_mean_of_loads_gives_way_to_the_load():
     found = levelled(Task(tuple(logs([load(-0.05), load(0.15), load(0.2)])), BELIEVED, Settings(effects=NAMES)))
     search = found.search
     assert [one.name for one in found.levels] == ["constant_load.force"]
-    weight = search.fit((*search.base, Term("gravity")), found.whole.tap)
-    mended = _with_their_effects(replace(found, whole=weight))
-    assert [t.id for t in search.added(mended.whole.terms)] == ["constant_load"]
-    mean = search.problem.values(mended.whole).estimates["constant_load.force"]
+    assert [t.id for t in search.added(found.whole.terms)] == ["constant_load"]
+    mean = search.problem.values(found.whole).estimates["constant_load.force"]
     assert mean.value == pytest.approx(0.1, abs=5.0 * mean.std_error)
 
 

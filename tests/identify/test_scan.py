@@ -108,3 +108,16 @@ def test_a_gain_is_made_once_for_all_scans_beside_the_same_effects(search, monke
     gains = [search.scan(terms, tap).gain(term) for terms in (BESIDE, BESIDE, BESIDE[:1])]
     assert gains[0] == gains[1] != gains[2]
     assert len(made) == 2
+
+
+def test_in_place_of_a_member_only_other_laws_are_looked_at(monkeypatch):
+    """Itself, and lines in time, are no answer there: their columns need not be made."""
+    hidden = {"coulomb_friction": {"level": 0.08}, "viscous_friction": {"coefficient": 0.03}}
+    search = posed(hidden, ("viscous_friction", "quadratic_drag", "coulomb_friction", "periodic_disturbance"))
+    asked, gain = [], Scan.gain
+    monkeypatch.setattr(Scan, "gain", lambda scan, term, keep=False: asked.append(term.id) or gain(scan, term, keep))
+    rest = search.fit((Term("coulomb_friction"),), search.refit.tap)
+    assert search.challenger(rest, "viscous_friction", 0.0).effect == "quadratic_drag"
+    assert set(asked) == {"quadratic_drag"}
+    search.options(rest)
+    assert set(asked) == {"quadratic_drag", "viscous_friction", "periodic_disturbance"}

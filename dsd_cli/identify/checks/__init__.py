@@ -12,8 +12,7 @@ import numpy as np
 
 from dsd_cli.identify.checks import clock, values
 from dsd_cli.identify.checks.channels import check_channels, check_jumps, settled, times_too_large, without_late
-from dsd_cli.identify.checks.d_hat_maker import check_maker
-from dsd_cli.identify.checks.disturbance import check_alone, check_disturbance, observed
+from dsd_cli.identify.checks.disturbance import check_alone, check_disturbance, check_maker, observed
 from dsd_cli.identify.checks.excitation import check_excitation, excitation
 from dsd_cli.identify.checks.fitted import Sides, sides_of
 from dsd_cli.identify.checks.hold import check_hold
@@ -56,8 +55,6 @@ def check_log(
 ) -> CheckResult:
     """Everything that one log shows about itself; never raises for what is in a log.
 
-    Parameters
-    ----------
     model : what the plant is believed to be; without it only inertia and delay are looked at.
     observer : of a logged d_hat; without it d_hat is not judged.
     restarts : samples that do not continue the one before.

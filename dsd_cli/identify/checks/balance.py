@@ -39,20 +39,13 @@ _NOISE_ABOVE = 0.04
 class Band:
     """What one sensor shows of the acceleration.
 
-    source : the channel that is differentiated.
-    cutoff : Hz, end of the band.
-    noise : standard deviation of the channel's noise, taken as white; its unit.
-    step : of the encoder; 0 if the channel is not quantised.
-    acceleration, acceleration_noise : rms within the band, rad/s2 or m/s2.
-    speed_noise : standard deviation of the speed within the band, rad/s or m/s.
+    source : the channel that is differentiated. cutoff : Hz, end of the band. step : of the encoder; 0 if the channel
+    is not quantised. speed_noise : standard deviation of the speed within the band, rad/s or m/s.
     """
 
     source: Source
     cutoff: float
-    noise: float
     step: float
-    acceleration: float
-    acceleration_noise: float
     speed_noise: float
 
 
@@ -89,21 +82,12 @@ def _band(stretches: Sequence[Stretch], source: Source) -> Band | None:
     if step == 0.0:  # each sees some signal as noise: the spectrum jumps, the high differences smooth motion
         rms = max(noise_of(x) for x in channels)
         level = min(_white_level(f, power, gain, T), 2.0 * T * (rms * rms))
-    noise = level * gain
-    cutoff = _cutoff(f, power, noise, T)
+    cutoff = _cutoff(f, power, level * gain, T)
     if cutoff is None:
         return None
-    inside, width = f <= cutoff, f[1]
-    to_speed = (2.0 * np.pi * f[inside]) ** 2 if source == "position" else np.ones(int(inside.sum()))
-    return Band(
-        source,
-        cutoff,
-        float(np.sqrt(level / (2.0 * T))),
-        step,
-        float(np.sqrt(np.sum(power[inside]) * width)),
-        float(np.sqrt(np.sum(noise[inside]) * width)),
-        float(np.sqrt(level * np.sum(to_speed) * width)),
-    )
+    inside = f[f <= cutoff]
+    to_speed = (2.0 * np.pi * inside) ** 2 if source == "position" else np.ones(inside.size)
+    return Band(source, cutoff, step, float(np.sqrt(level * np.sum(to_speed) * f[1])))
 
 
 def _rare_step(x: Array) -> float:
@@ -206,8 +190,6 @@ def balance(
 ) -> Balance | None:
     """Rows of all stretches that are long enough; None if there are too few.
 
-    Parameters
-    ----------
     cutoff : Hz, at most that of the band.
     reach : s before and after a row within which u must be there.
     cycle : s after which the motion repeats itself, see `in_phase`.

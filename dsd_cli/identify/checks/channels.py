@@ -195,8 +195,6 @@ def settled(
 ) -> tuple[list[Finding], bool]:
     """(the findings, of which those on a factor say as well what in the config makes it, whether there are any).
 
-    Parameters
-    ----------
     applied : factors of the config by channel. off : see `times_too_large`.
     """
     ratio = next((one.ratio for one in found if one.ratio), 0.0)

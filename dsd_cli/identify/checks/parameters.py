@@ -12,11 +12,10 @@ from dsd_cli.identify.checks.fitted import Sides
 from dsd_cli.identify.checks.results import Parameter
 from dsd_cli.identify.fit.estimates import Grade, grade
 from dsd_cli.identify.fit.values import Fitted
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Estimate
 from dsd_cli.plant.model import PlantModel
 
-#: Correlation from which two values cannot be told apart.
-TIED = 0.98
 #: Values that correlate by 1 less than this are one, by rounding: the errors are then those of their sum.
 _ONE = 1e-6
 #: A value is bent where forces of the motion beside the model move it by more than so many standard errors.
@@ -49,7 +48,7 @@ def _each(
     for name in names:
         one = alone.estimates[name]
         others = {a if b == name else b: abs(r) for a, b, r in alone.correlations if name in (a, b)}
-        tied = tuple(other for other, r in others.items() if r > TIED)
+        tied = tuple(other for other, r in others.items() if r > POLICY.tied_correlation)
         if name == DELAY and sides.late is not None:
             lead, error = sides.late
             yield Parameter(name, grade(lead, error, step), -lead, error, "s", tied)

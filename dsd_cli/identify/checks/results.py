@@ -69,7 +69,7 @@ class Parameter:
     value : what a fit in the band gives; NaN where it gives nothing.
     std_error : of the value, with correlated errors counted; infinite where the log says nothing.
     unit : with {u}, {v}, {q} for the units of the channels.
-    tied_to : parameters that this log cannot distinguish from it (correlation above 0.98).
+    tied_to : parameters that this log cannot distinguish from it (`POLICY.tied_correlation`).
     beside : the value with friction, weight and springs of any size beside the model, where that is so far off that it
         is less well known; `std_error` counts the difference. Else None.
     lacks_force : with those forces most of what is left is gone, so that one is missing; otherwise noise that the

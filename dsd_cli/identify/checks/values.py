@@ -194,8 +194,6 @@ def check_magnitude(view: View, did: Excitation) -> list[Finding]:
 def check_signs(view: View, opposite: bool, d_hat: Observed | None, observer_sign: int) -> list[Finding]:
     """At most one finding about u or the motion.
 
-    Parameters
-    ----------
     opposite : velocity and position have opposite signs.
     d_hat : how d_hat is made of the motion (as `view.band` takes it) and u, where it is logged.
     """

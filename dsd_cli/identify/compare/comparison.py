@@ -87,14 +87,10 @@ def compare(
 ) -> tuple[Comparison, Series]:
     """The comparison, and the series that it was made of.
 
-    Parameters
-    ----------
     window : samples over which the rig's detector averages: how far the tests of d_hat look.
     progress : called with what is being done and the share that is done.
 
-    Raises
-    ------
-    DataError : see `evaluate`.
+    Raises DataError : see `evaluate`.
     """
     progress("predicting", 0.0)
     evaluation = evaluate(recordings, model, observer)

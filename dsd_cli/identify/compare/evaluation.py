@@ -108,9 +108,7 @@ class Accuracy:
 def evaluate(recordings: Sequence[Recording], model: PlantModel, observer: ObserverSettings) -> Evaluation:
     """The model's prediction for every piece; the recordings' d_hat has the sign of eq. 13.
 
-    Raises
-    ------
-    DataError : sample times that differ, an effect without its channel, or too few samples.
+    Raises DataError : sample times that differ, an effect without its channel, or too few samples.
     """
     positive = replace(observer, sign=1)
     lead = model.delay + SETTLED * observer.time_constant
@@ -160,8 +158,8 @@ def accuracy(evaluation: Evaluation) -> Accuracy:
     return Accuracy(
         samples=errors.size,
         rmse=size,
-        fit_percent=_percent_left(size, spread),
-        vaf_percent=_percent_left(float(np.var(errors)), float(np.var(measured))),
+        fit_percent=percent_left(size, spread),
+        vaf_percent=percent_left(float(np.var(errors)), float(np.var(measured))),
         bias=float(errors.mean()),
         max_error=float(np.abs(errors).max()),
         relative_error_percent=_percent(size, rms(evaluation.pooled(lambda s: s.net))),
@@ -173,6 +171,7 @@ def _percent(part: float, whole: float) -> float | None:
     return 100.0 * part / whole if whole > 0.0 else None
 
 
-def _percent_left(part: float, whole: float) -> float | None:
+def percent_left(part: float, whole: float) -> float | None:
+    """100 (1 - part / whole); None of nothing."""
     share = _percent(part, whole)
     return None if share is None else 100.0 - share

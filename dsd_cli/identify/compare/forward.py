@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from dsd_cli.errors import DataError, UsageError
-from dsd_cli.identify.compare.watch import CHANNELS, Watch
+from dsd_cli.identify.compare.evaluation import percent_left
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.controllers import Controller, ControllerSettings, Measured
 from dsd_cli.plant.filtering import delay_taps
@@ -27,6 +27,10 @@ from dsd_cli.signals.rounding import ROUNDING
 from dsd_cli.signals.spread import rms
 from dsd_cli.signals.units import Units
 
+#: Channels of a simulation.
+CHANNELS = ("position", "velocity")
+#: A simulated channel this many times beyond the range of the logged one has diverged.
+_DIVERGED = 1e6
 OPEN_LOOP, CLOSED_LOOP = "open_loop", "closed_loop"
 #: Samples out of which the speed at the start is had.
 _FIRST = 20
@@ -104,13 +108,9 @@ def run_forward(
 ) -> Forward:
     """Simulate every piece from its first position and speed, and compare.
 
-    Parameters
-    ----------
     horizon : s; the open loop begins anew from the measured position and speed each time it has run so long.
 
-    Raises
-    ------
-    DataError : the simulation diverges, or the logs have neither position nor velocity.
+    Raises DataError : the simulation diverges, or the logs have neither position nor velocity.
     UsageError : a horizon shorter than a sample.
     """
     pieces = [piece for recording in recordings for piece in recording.pieces]
@@ -149,14 +149,10 @@ def _traces(
     looped: Sequence[dict[str, Array]],
 ) -> tuple[Trace, ...]:
     pieces = [(recording.name, piece) for recording in recordings for piece in recording.pieces]
-    closed = looped or [{} for _ in pieces]
-
-    def of(found: Mapping[str, Array]) -> dict[str, Array]:
-        return {name: found[name] for name in names if name in found}
-
+    found = zip(pieces, runs, looped or [{} for _ in pieces], strict=True)
     return tuple(
-        Trace(name, piece["t"], of(piece.channels), of(run), of(loop))
-        for (name, piece), run, loop in zip(pieces, runs, closed, strict=True)
+        Trace(name, piece["t"], *({n: of[n] for n in names if n in of} for of in (piece.channels, run, loop)))
+        for (name, piece), run, loop in found
     )
 
 
@@ -175,8 +171,6 @@ def open_loop(
 ) -> dict[str, Array]:
     """Position and velocity under the logged u, shape (n,) each; u before the log is held at u_0.
 
-    Parameters
-    ----------
     horizon : each time it has run for so many s it begins anew from the measured motion; what effects remember stays.
     start : speed at the first sample; None is the logged one. rest_speed : an axis no faster than that rests.
     """
@@ -184,7 +178,8 @@ def open_loop(
     drive = frame.mean_u(frame.command(model.effects), model.delay).tolist()
     times, intervals = piece["t"].tolist(), frame.intervals.tolist()
     anew = frozenset(restart_rows(times, horizon))
-    plant, watch = _plant(piece, model, _at_rest(first, rest_speed)), Watch(piece)
+    watch = Watch(piece)
+    plant = Plant(model, watch.rows[0][0], _at_rest(first, rest_speed))
     for k in range(1, len(times)):
         if k - 1 in anew:
             plant.position = float(piece["position"][k - 1]) if "position" in piece else plant.position
@@ -213,7 +208,8 @@ def closed_loop(
     targets = list(zip(reference.position.tolist(), reference.rate.tolist(), strict=True))
     times = piece["t"].tolist()
     start = _at_rest(float(piece["velocity"][0]), model.rest_speed)
-    plant, watch, actuator = _plant(piece, model, start), Watch(piece), Actuator(model)
+    watch, actuator = Watch(piece), Actuator(model)
+    plant = Plant(model, watch.rows[0][0], start)
     watcher = DisturbanceObserver(observer, step, "velocity", float(piece["d_hat"][0]))
     law = Controller(controller, observer.nominal_inertia, step)
     whole, fraction = delay_taps(model.delay, step)
@@ -231,20 +227,12 @@ def closed_loop(
     return watch.channels()
 
 
-def _plant(piece: Log, model: PlantModel, speed: float) -> Plant:
-    return Plant(model, float(piece["position"][0]) if "position" in piece else 0.0, speed)
-
-
 def _at_rest(speed: float, rest_speed: float) -> float:
     return 0.0 if abs(speed) <= rest_speed else speed
 
 
 def _start(piece: Log, recording: Recording) -> float:
-    """Speed at the first sample.
-
-    A speed that was had from the position is worst at the edge of a log, and what it is off the simulation carries
-    along; there a parabola through the first samples is better.
-    """
+    """Speed at the first sample; one out of the position is worst there, and a parabola through a few is better."""
     if recording.provenance.get("velocity") != "from position" or piece["position"].size < _FIRST:
         return float(piece["velocity"][0])
     t = piece["t"][:_FIRST] - piece["t"][0]
@@ -265,10 +253,46 @@ def _tracking(
                 channel=name,
                 unit=units.of_position if name == "position" else units.of_velocity,
                 rmse=size,
-                fit_percent=100.0 * (1.0 - size / spread) if spread > 0.0 else None,
-                vaf_percent=100.0 * (1.0 - float(np.var(error)) / spread**2) if spread > 0.0 else None,
+                fit_percent=percent_left(size, spread),
+                vaf_percent=percent_left(float(np.var(error)), spread**2),
                 bias=float(error.mean()),
                 max_error=float(np.abs(error).max()),
             )
         )
     return tuple(found)
+
+
+class Watch:
+    """What a simulated plant did, and whether it ran away."""
+
+    def __init__(self, piece: Log) -> None:
+        self.name = piece.source
+        first = (float(piece["position"][0]) if "position" in piece else 0.0, float(piece["velocity"][0]))
+        self.rows = [first]
+        spans = [float(np.abs(piece[name]).max()) for name in CHANNELS if name in piece]
+        self.limit = _DIVERGED * max(max(spans), 1e-9)
+
+    def guarded(self, plant: Plant, t: float, u: float, duration: float) -> None:
+        """Advance; a force that overflows has diverged."""
+        try:
+            plant.advance(t, u, duration)
+        except (OverflowError, ZeroDivisionError, ValueError):
+            raise self.diverged(t) from None
+
+    def note(self, plant: Plant, t: float) -> None:
+        """One more row."""
+        if not (abs(plant.position) <= self.limit and abs(plant.velocity) <= self.limit):
+            raise self.diverged(t)
+        self.rows.append((plant.position, plant.velocity))
+
+    def diverged(self, t: float) -> DataError:
+        """The error."""
+        return DataError(
+            f"{self.name}: the simulated axis runs away: at t = {t:g} s it is {_DIVERGED:g} times beyond the log",
+            "the model is unstable: check the signs of its effects, the gains, and the sample time",
+        )
+
+    def channels(self) -> dict[str, Array]:
+        """By name, shape (n,)."""
+        position, velocity = np.array(self.rows).T
+        return {"position": position, "velocity": velocity}

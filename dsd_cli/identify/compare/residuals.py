@@ -74,8 +74,6 @@ class ResidualTests:
 def residual_tests(errors: Sequence[Array], commands: Sequence[Array], interval: float, lags: int) -> ResidualTests:
     """Tests over stretches without gaps.
 
-    Parameters
-    ----------
     errors, commands : residual and u of each stretch, shape (n_i,).
     interval : sample time, s.
     lags : how far to look, samples; at most a quarter of the longest stretch.

@@ -185,18 +185,8 @@ def moved(
     units: Mapping[str, str],
 ) -> tuple[Moved, ...]:
     """Every value of both models; inertia and delay first."""
-    names = dict.fromkeys((INERTIA, DELAY, *first, *second))
-    return tuple(
-        Moved(
-            name,
-            units.get(name, ""),
-            first.get(name, math.nan),
-            first_errors.get(name, math.nan),
-            second.get(name, math.nan),
-            second_errors.get(name, math.nan),
-        )
-        for name in names
-    )
+    names, sides = dict.fromkeys((INERTIA, DELAY, *first, *second)), (first, first_errors, second, second_errors)
+    return tuple(Moved(n, units.get(n, ""), *(side.get(n, math.nan) for side in sides)) for n in names)
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,4 @@
-"""The band in which forces are balanced: as far up as the measured acceleration stands above the noise of its sensor.
-
-Beyond it a second difference of the position is noise. Both sides of the balance pass the same low-pass without phase
-and are decimated, so a coarse encoder makes few equations, and good ones.
-"""
+"""The band in which forces are balanced: as far up as the acceleration stands above its sensor's noise."""
 
 from __future__ import annotations
 
@@ -17,6 +13,7 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.recordings.spectrum import SensorNoise, density
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.once import once
 from dsd_cli.signals.passes import every
 
 #: Rows per second by the band's end: the low-pass falls from the end of the band to twice that, so that what folds back
@@ -56,12 +53,13 @@ class Band:
 
     def rows(self, x: Array, first: int) -> Array:
         """x of shape (n,) low-passed at `centres`."""
-        return every(x[first:], self.taps, self.step, len(self.centres(first, len(x))))
+        return every(x[first:], self.taps, self.step, max(-((first + 2 * self.half - len(x)) // self.step), 0))
 
     def angles(self, count: int) -> Array:
         """`count` angles of rows, w = 2 pi f step T in (0, pi)."""
         return np.asarray((np.arange(count) + 0.5) * np.pi / count)
 
+    @once
     def folded_gain(self, count: int) -> Array:
         """|H| at all angles of samples that fold onto `angles(count)` of rows, shape (step, count), by one transform.
 

@@ -72,6 +72,8 @@ class Design(NamedTuple):
 
 #: Columns before those of the effects.
 FIXED = 2
+#: Values of columns that are there for a while, the oldest of which go first: 32 MB.
+_RECENT = 1 << 22
 #: Of the coefficients: the inertia's, and the share of a further step of delay.
 INERTIA, SHARE = 0, 1
 
@@ -97,7 +99,7 @@ class Bank:
         self._last_drive: dict[Any, Array] = {}
         self._last_commands: tuple[Terms | None, list[Array]] = (None, [])
         self._last_parts: dict[tuple[Terms, bool], dict[DelayTap, Array]] = {}
-        self._last_events: dict[tuple[Term, bool], list[Array]] = {}
+        self._recent: dict[Any, list[Array]] = {}
 
     def between(self, around: float) -> Bank:
         """The same columns, with the drive exact at a share of a step."""
@@ -125,7 +127,7 @@ class Bank:
         """The equations of these effects at a delay of `tap` steps; `keep` caches new columns."""
         rows, widths = self._rows(terms, tap, keep)
         signed = [s for t, n in zip(terms, widths, strict=True) for s in [not_negative(t, n)] * n]
-        return Design(rows, FIXED * [True] + signed, widths, self._noise_of(terms, widths, keep))
+        return Design(rows, FIXED * [True] + signed, widths, self._noise_of(terms, widths))
 
     def rows(self, terms: Terms, tap: int, keep: bool = True) -> list[Array]:
         """Those of `design`."""
@@ -153,7 +155,7 @@ class Bank:
         """Rows of the measured acceleration."""
         return self.equations.acceleration() if self._source is None else self._passed(self._source.acceleration)
 
-    def _noise_of(self, terms: Terms, widths: tuple[int, ...], keep: bool) -> Array:
+    def _noise_of(self, terms: Terms, widths: tuple[int, ...]) -> Array:
         """Covariance of the sensor noise in the columns: it enters the acceleration, and through it that of a load. Its
         share in a load's column and the covariance of both are estimated by adding a synthetic realisation."""
         found = np.zeros((FIXED + sum(widths),) * 2)
@@ -161,24 +163,22 @@ class Bank:
         at = FIXED
         for term, width in zip(terms, widths, strict=True):
             if term.effect.role is Role.STRUCTURE and self.variance > 0.0:
-                own, common = self._noise_of_load(term, keep)
+                own, common = self._noise_of_load(term)
                 found[at, at] = own * self.variance
                 found[INERTIA, at] = found[at, INERTIA] = common * self.variance
             at += width
         return found
 
-    def _noise_of_load(self, term: Term, keep: bool) -> tuple[float, float]:
+    def _noise_of_load(self, term: Term) -> tuple[float, float]:
         """(variance by noise of a load's column, its covariance with the acceleration), per variance of the latter."""
         if any(s.pushed is not None and s.pushed[0] == term.id for s in self.equations.stretches):
             return 0.0, 0.0  # a force drives it
-        shares = self._known.get(("noise", term))
-        if shares is None:
+        if (shares := self._known.get(("noise", term))) is None:
             load = noisy_load(self.equations, term)
             made = self.equations.whitened(self.equations.acting(load, smooth=True, held=False))
             acceleration = self._noise_acceleration
             shares = [np.array([made @ made, made @ acceleration]) / float(acceleration @ acceleration)]
-            if keep:
-                self._known["noise", term] = shares
+            self._known["noise", term] = shares
         return float(shares[0][0]), float(shares[0][1])
 
     @cached_property
@@ -196,8 +196,8 @@ class Bank:
         if len(parts) > 1:
             made = np.asarray(sum(weight * self._part(inputs, part, held) for part, weight in parts.items()))
         elif self._source is not None:
-            whole = self._around is None  # delays between steps are asked for by one fit alone
-            made = self._passed(self._source.drive(inputs, tap, keep and whole, held))
+            # delays between steps are asked for by one fit alone
+            made = self._passed(self._source.drive(inputs, tap, keep and self._around is None, held))
         else:
             made = self.equations.commanded(self._commands(inputs), tap * self.tap_time, held)
             for smooth, taken in of_single_logs(self.equations, tap * self.tap_time):
@@ -234,19 +234,21 @@ class Bank:
     def columns(self, term: Term, tap: float, keep: bool = True, held: bool = False) -> list[Array]:
         """An effect on the plant, a column per coefficient; `tap`: delay of the u that reaches it, steps."""
         key = (term, tap if "u" in term.effect.needs else None, held)
-        if key in self._known:
-            return self._known[key]
-        if term.effect.listed and len(term.shape["edges"]) > 1:
-            apart = [Term.of(term.id, {"edges": (event,)}) for event in term.shape["edges"]]
-            before = self._last_events.get  # edges are moved one by one
-            self._last_events = {(e, held): before((e, held)) or self.columns(e, tap, False, held) for e in apart}
-            made = [self._last_events[e, held][0] for e in apart]
+        if (known := self._known.get(key, self._recent.get(key))) is not None:
+            return known
+        if term.effect.listed and len(term.shape["edges"]) > 1:  # edges are moved one by one
+            apart = (Term.of(term.id, {"edges": (event,)}) for event in term.shape["edges"])
+            made = [self.columns(e, tap, False, held)[0] for e in apart]
         elif self._source is not None:
             made = [*map(self._passed, self._source.columns(term, tap, keep and self._around is None, held))]
         else:
             made = columns_of(self.equations, term, tap * self.tap_time, held)
         if keep:
             self._known[key] = made
+        elif self._source is None:  # searches beside other effects, and of other delays, ask for the same shapes
+            self._recent[key] = made
+            while len(self._recent) * len(made[0]) > _RECENT:
+                del self._recent[next(iter(self._recent))]
         return made
 
 
@@ -270,18 +272,14 @@ def noisy_load(equations: Equations, t: Term) -> list[Array]:
 
 def drive(equations: Equations, inputs: Terms, delay: float) -> list[Array]:
     """The command after these input effects, `delay` s late: mean per interval, by stretch."""
-    changed = commands(equations, inputs)
-    return [s.frame.mean_u(command, delay) for s, command in zip(equations.stretches, changed, strict=True)]
+    return [s.frame.mean_u(u, delay) for s, u in zip(equations.stretches, commands(equations, inputs), strict=True)]
 
 
 def commands(equations: Equations, inputs: Terms) -> list[Array]:
     """The command after these input effects, by stretch."""
-    found = []
-    for s in equations.stretches:
-        command = s.log["u"]
-        for term in inputs:
-            command = s.frame.changed_command(term.id, term.shape, command)
-        found.append(command)
+    found = [s.log["u"] for s in equations.stretches]
+    for t in inputs:
+        found = [s.frame.changed_command(t.id, t.shape, u) for s, u in zip(equations.stretches, found, strict=True)]
     return found
 
 

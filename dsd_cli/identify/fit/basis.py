@@ -102,10 +102,10 @@ def _hats(x: Array, knots: Array) -> Units:
         return Units(1, lambda _: np.ones(len(x)))
     left = np.clip(np.searchsorted(knots, x, side="right") - 1, 0, len(knots) - 2)
     share = np.clip((x - knots[left]) / (knots[left + 1] - knots[left]), 0.0, 1.0)
-    left = left.astype(np.int16)
+    left, rest = left.astype(np.int16), 1.0 - share
 
     def column(i: int) -> Array:
-        return np.where(left == i, 1.0 - share, np.where(left == i - 1, share, 0.0))
+        return np.where(left == i, rest, np.where(left == i - 1, share, 0.0))
 
     return Units(len(knots), column)
 

@@ -1,9 +1,4 @@
-"""Blocks of rows that are held out in turn, with a gap beside them, and inner products of rows per segment.
-
-A log is cut into contiguous blocks; block b belongs to fold b mod K, so that every fold sees every part of the
-experiment. What is held out is a whole block; what is fitted leaves out the `gap` rows beside a held-out block, because
-filters, delays and windows tie neighbouring rows together.
-"""
+"""Blocks of rows that are held out in turn, with a gap beside them, and inner products of rows per segment."""
 
 from __future__ import annotations
 
@@ -82,8 +77,8 @@ class Blocks:
         return weight.reshape(-1)
 
 
-def lay_blocks(lengths: Sequence[int], gap: int, name: str) -> Blocks:
-    """Blocks over stretches of that many rows each; `gap` : rows between what is fitted and what is judged.
+def lay_blocks(lengths: Sequence[int], gap: int, name: str, most: int = POLICY.most_blocks) -> Blocks:
+    """`most` blocks over stretches of that many rows each; `gap` : rows between what is fitted and what is judged.
 
     Raises TooShort where they are too short for two folds.
     """
@@ -96,7 +91,7 @@ def lay_blocks(lengths: Sequence[int], gap: int, name: str) -> Blocks:
             "a longer log, or a finer sensor",
         )
     # as many as folds at least: of two halves one speeds up and the other slows down
-    long = max(min(usual, total // POLICY.folds), total // POLICY.most_blocks, 1)
+    long = max(min(usual, total // POLICY.folds), total // most, 1)
     starts: list[int] = []
     before: list[bool] = []
     after: list[bool] = []
@@ -165,12 +160,12 @@ def without_noise(gram: Array, noise: Array, rows: ArrayLike) -> Array:
     noise : covariance of the noise in a row of the columns, shape (p, p). rows : how many rows each matrix sums over,
         shape (...). No more is taken than half of what a column has.
     """
-    noisy = np.flatnonzero(np.diag(noise) > 0.0)
+    sizes, rows = noise.diagonal(), np.asarray(rows)
+    noisy = np.flatnonzero(sizes > 0.0)
     if not noisy.size:
         return gram
     own = gram[..., 1 + noisy, 1 + noisy]
-    expected = np.diag(noise)[noisy] * np.asarray(rows)[..., None]
-    times = np.asarray(rows) * np.minimum(1.0, np.min(0.5 * own / np.maximum(expected, 1e-300), axis=-1))
+    times = rows * np.minimum(1.0, np.min(0.5 * own / np.maximum(sizes[noisy] * rows[..., None], 1e-300), axis=-1))
     gram = gram.copy()
     gram[..., 1:, 1:] -= times[..., None, None] * noise
     return gram

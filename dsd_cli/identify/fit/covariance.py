@@ -216,9 +216,7 @@ def converged(fit: Fit, solver: Solver) -> tuple[Fit, Information]:
 def _restless(fit: Fit, bank: Bank, normal: Array, left: Array) -> float:
     """Share of what the delay's column has that says nothing of the delay: noise of u, which did not act.
 
-    The squares S of r have d2S/ds2 = 2 (d'd + r'y''), s the share, d and y'' the slope and the curvature of the drive
-    over it. Noise of u is in r, d and y'', and cancels; d'd alone counts it as information. No more is taken than half
-    of what the other columns leave.
+    Of the curvature of the squares over the share, 2 (d'd + r'y''), such noise cancels; d'd alone counts it.
     """
     inputs, held, middle = inputs_of(fit.terms), has_friction(fit.terms), max(round(fit.tap + fit.total[SHARE]), 1)
     early, at, late = (bank.drive(inputs, n, False, held) for n in (middle - 1, middle, middle + 1))

@@ -1,12 +1,4 @@
-"""The form of a balance of forces: the motion on u (forward) or u on the motion (inverse), and its whole-step delay.
-
-Forces that no model follows stand in u. The forward form finds what is missing as long as J a is a fair part of u,
-however noisy the sensor. Where friction, weight or cogging is nearly all of u, J a drowns in them: whatever is added,
-hardly any of the acceleration is explained. The inverse form then leaves a small share of u, and is evidence. In it
-nothing that acts on u can be identified, nor a push: it would explain u by u, or by the time at which u was so, and the
-acceleration, in which it had to show, says nothing. A u of one level a direction is explained exactly, by dry friction
-and a load of that size, whatever moves the axis: there the acceleration alone says something.
-"""
+"""The form of a balance of forces: the motion on u (forward) or u on the motion (inverse), and its whole-step delay."""
 
 from __future__ import annotations
 
@@ -93,12 +85,8 @@ _COARSE, _AROUND = 40, 2
 
 
 def best_delay(solver: Solver, terms: Terms, most_tap: int, near: int | None = None, *, believed: float = 0.0) -> int:
-    """The likeliest whole-step delay, found from coarse to fine.
-
-    The likelihood is that of what is left, of unknown variance, N/2 ln SSE. In a motion of few frequencies u of half a
-    period ago is as good as u now, with the other sign: each `POLICY.least_delay_range` between a delay and the
-    believed one costs a nat. A force of seconds without a law colours what is left, of which u of a while ago explains
-    some by chance: a far delay is taken only for what it gains beyond that.
+    """The likeliest whole-step delay, found from coarse to fine: N/2 ln SSE, a nat for each `POLICY.least_delay_range`
+    from the believed one, and a far delay only for what it gains beyond chance.
 
     near : the best delay of nearly the same rows; all are tried only where the best one is not around it.
     believed : s.

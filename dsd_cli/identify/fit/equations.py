@@ -1,13 +1,9 @@
-"""The balance of forces as rows: one equation a row, in the unit of u.
+"""The balance of forces as rows: one equation a row, in the unit of u (docs/how/identify.md).
 
     u_eff(t - L) = J a(t) - sum_k f_k(t) + r(t)
 
-Everything is a mean over the same weight as the measured acceleration: over one interval, or, for a second difference
-of the position, over the two beside a sample. Both sides then pass the band's low-pass and are decimated.
-
-Where there is friction, it balances whatever acts while the axis rests, so that u and all forces count as zero there,
-and so does J a, by itself. Without friction the balance holds at any speed. The acceleration is left as measured: cut
-off at an edge, the noise of its sensor would no longer cancel under the low-pass.
+The acceleration is left as measured, at rest as well: cut off at an edge, the noise of its sensor would no longer
+cancel under the low-pass.
 """
 
 from __future__ import annotations

@@ -1,9 +1,6 @@
 """What the best free-form function of the channels could reach: how much of the residual is law, and how much noise.
 
 Hats over each channel, and over pairs of them, are fitted together with the model's effects, in the same equations.
-They name no physics; they give an upper bound on what can be explained, and by which channel. The acceleration is
-the regressand: beside a function of u, u would explain itself. Where the inverse form is evidence, u is the regressand,
-and functions of u are not tried.
 """
 
 from __future__ import annotations

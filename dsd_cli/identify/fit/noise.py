@@ -3,8 +3,6 @@
     S(w) = F + J^2 N_a(w),      F, J^2 >= 0
 
 N_a is the noise of the measured acceleration, whose shape the sensor sets; F is what forces do that no model follows.
-Both levels are fitted to the periodogram of a residual (Whittle's likelihood). S is non-decreasing in frequency, so
-an excess at low frequencies is not whitened away: it is unmodelled dynamics.
 """
 
 from __future__ import annotations

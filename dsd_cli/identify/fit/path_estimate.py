@@ -1,10 +1,8 @@
 """Where a reconstructed motion truly was, estimated from forces that depend on position and speed.
 
-Where only u and d_hat are logged, white noise on d_hat makes a random walk of the integrated speed, whose start is not
-known, nor is the zero of the position. Gravity, springs and cogging come back at the same place, so a set of effects
-shows where the axis truly was. The drift of the speed is a line between knots; its steps from knot to knot have the
-variance of that random walk, so that no more is explained by drift than the noise of d_hat allows. The coefficients of
-the effects are free beside it: a shift of the position must not be paid for by a drift.
+The drift of the speed is a line between knots; its steps from knot to knot have the variance of the random walk that
+the noise of d_hat makes of it. The coefficients of the effects are free beside it: a shift of the position must not be
+paid for by a drift.
 """
 
 from __future__ import annotations

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 from dsd_cli.effects import Effect, Shape, get_effect
@@ -36,7 +37,7 @@ class PriorKnowledge:
     def __bool__(self) -> bool:
         return bool(self.fixed or self.bounds or self.priors or self.events)
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """All values of which something is known."""
         return tuple(dict.fromkeys((*self.fixed, *self.bounds, *self.priors)))

@@ -1,9 +1,5 @@
-"""Rows in which friction's direction is sure decide the values; the others count as far as they agree.
-
-Where an axis stops, starts or turns, a sensor shows the direction late or not at all, and dry friction may hold for a
-moment that nobody sees. What is left of the balance there is no noise: it leans to one side and, low-passed, reaches
-into the neighbouring rows. Rows of that kind are weighed by what they leave, as generalised least squares does with
-rows of two variances.
+"""Rows in which friction's direction is sure decide the values; the others count as far as they agree, weighed by what
+they leave, as generalised least squares does with rows of two variances.
 """
 
 from __future__ import annotations
@@ -58,11 +54,8 @@ class Weighed:
 
 
 def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
-    """The fit of the same effects, with rows where the direction is not sure weighed down.
-
-    What those leave beyond noise leans to one side in all rows of one stop, start or turn, and anew in the next: rows
-    of one count together as one of that size. Were they one row all together, what shows in them alone would show in
-    none: a friction that is missing at low speed makes them large itself.
+    """The fit of the same effects, with rows where the direction is not sure weighed down; rows of one stop, start or
+    turn lean together, and count as one of that size.
 
     plain : the bank of the same rows in the unit of u.
     """

@@ -3,11 +3,6 @@
     u = J a + sum c_k x_k                 inverse: for values
     J0 a = g (u - sum c_k x_k)            forward: for evidence
 
-In the inverse form what no model follows is in u, and J hardly moves with it. In the forward form the sensor's noise
-is on the left, so that no effect can win by making u small, or by following the noise of a. Where forces that no model
-follows are larger than J a, the forward form explains nothing whatever is added, and the inverse one is evidence, too
-(`fit.direction`).
-
 x_k are the columns with the sign of what they take of the drive; J0 is a fixed inertia that keeps the unit of u.
 """
 

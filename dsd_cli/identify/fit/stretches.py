@@ -29,12 +29,8 @@ def resting(velocity: Array, rest_speed: ArrayLike) -> NDArray[np.bool_]:
 
     rest_speed : up to which the axis may rest, one for all samples or shape (n,).
 
-    A run of slow samples is a rest if the speed neither passes through zero nor only comes near it: its mean is a
-    small part of the band of slow speeds, and so is its change along a fitted line; or the acceleration of that line
-    is a small part of the usual one, for noise alone may tilt a rest. A mere reversal is no rest: friction's direction
-    is known on either side of it. Noise may exceed the band for a moment, so that runs in wider bands count, too.
-    An axis that creeps, by a fine sensor, far below its usual speed, sticks: friction holds it up to its level, and its
-    direction says nothing.
+    A run of slow samples is a rest if it `_stays`; noise may exceed the band for a moment, so that runs in wider bands
+    count, too. An axis that creeps, by a fine sensor, far below its usual speed, sticks.
     """
     usual_speed = float(np.sqrt(np.mean(velocity**2)))
     most = POLICY.resting_most * usual_speed
@@ -143,7 +139,7 @@ class Stretch:
     @property
     def acceleration(self) -> Array:
         """As measured, where it counts."""
-        return self.measured * self.clear
+        return self._counting(self.measured)
 
     def channels(self, drive: Array, effect: Effect) -> Channels:
         """What an effect looks at under that delayed u: means over the interval, or the values in the middle of it."""
@@ -205,14 +201,16 @@ class Stretch:
         if part.next is None:
             return self.acting(mean, not self.stepping, held)
         mean = mean * self.free if held else mean
-        return np.asarray(0.5 * (np.append(mean[1:], mean[-1]) if part.next else mean) * self.clear)
+        return self._counting(0.5 * (np.append(mean[1:], mean[-1]) if part.next else mean))
 
     def averaged(self, x: Array, smooth: bool) -> Array:
         """x per interval -> as the acceleration averages it."""
         if not self.two_intervals:
-            return x * self.clear
-        found = passed(x, MEAN_OF_FOUR, 1) if smooth else passed(x, _HALVES, 0)
-        return found * self.clear
+            return self._counting(x)
+        return self._counting(passed(x, MEAN_OF_FOUR, 1) if smooth else passed(x, _HALVES, 0))
+
+    def _counting(self, x: Array) -> Array:
+        return x * self.clear if "clear" in self.log else x
 
 
 def stretch_of(log: Log, recording: Recording, owner: int) -> Stretch:

@@ -17,8 +17,7 @@ from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.values import Fitted
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.excerpts import SMOOTHED
-from dsd_cli.identify.recordings.levels import Deviations
+from dsd_cli.identify.recordings.excerpts import SMOOTHED, Deviations
 from dsd_cli.identify.recordings.recording import Recording, check_one_rate
 from dsd_cli.identify.results import INERTIA
 from dsd_cli.plant.model import PlantModel

@@ -20,6 +20,7 @@ from dsd_cli.identify.results import DELAY, INERTIA, Correlations, Estimate
 from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.rounding import ROUNDING
 
 #: How near a bound counts as on it (share of the value).
 ON_BOUND = 1e-6
@@ -174,9 +175,9 @@ def fitted_values(
     }
     together = correlations_of(spread, errors, [n in known.fixed for n in values])
     estimates = with_correlations(_found_only(estimates, fit, known), together)
-    doubtful = errors > POLICY.tied_error * np.abs(list(values.values()))
-    told = zip(values, np.abs(together[0]), doubtful, strict=True)
-    tied = tuple(name for name, r, d in told if r > POLICY.tied_correlation and d and name not in (INERTIA, DELAY))
+    told = zip(estimates.items(), np.abs(together[0]), strict=True)
+    doubtful = (n for (n, e), r in told if r > POLICY.tied_correlation and e.grade != "identified")
+    tied = tuple(name for name in doubtful if name not in (INERTIA, DELAY))
     return Fitted(scale.model(fit), estimates, tied, correlated(together, estimates), fit, covariance)
 
 
@@ -190,7 +191,7 @@ def _found_only(estimates: Mapping[str, Estimate], fit: Fit, known: PriorKnowled
 def _pull(value: float, prior: tuple[float, float], alone: float, share: float) -> float:
     """Standard deviations by which the log alone is off a prior. alone : standard error of the value without that
     prior. share : of the prior in the value."""
-    if share > 1.0 - POLICY.prior_share:
+    if share > 1.0 - ROUNDING:
         return 0.0
     without = (value - share * prior[0]) / (1.0 - share)
     return (without - prior[0]) / math.hypot(prior[1], alone)

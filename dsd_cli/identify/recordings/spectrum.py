@@ -101,8 +101,6 @@ def sensor_noise(
 ) -> SensorNoise:
     """The noise of the sensor behind these accelerations, from where motion has ended in their spectrum.
 
-    Parameters
-    ----------
     white : noise of variance 1, interpolated as the channel was; () if it was not. Less of it is left up there.
     ends : angle at which u ends; the log does not end below it.
     """

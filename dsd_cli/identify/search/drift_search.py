@@ -1,8 +1,7 @@
 """The search where the motion is reconstructed and wanders: effects and the true path are found beside each other.
 
-A set of effects shows where the axis was, and where it was shows the effects. On a path that is off, two or three
-substitutes may stand in for one law (a spring and gravity for a cubic spring whose zero is elsewhere). So the model as
-it is, and each effect that depends on the place alone, are asked as well, on the path that suits them best.
+On a path that is off, two or three substitutes may stand in for one law. So the model as it is, and each effect that
+depends on the place alone, are asked as well, on the path that suits them best.
 """
 
 from __future__ import annotations

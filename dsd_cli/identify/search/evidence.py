@@ -1,8 +1,5 @@
 """A set of effects at its delay, what it explains of the recordings, whether one explains surely more than another, and
 which is taken: the one with most evidence, a simpler one, or the commonest of those that tie.
-
-Each fit is judged on blocks that it did not see, with the noise of the rows. What it leaves beyond that noise is as a
-rule not white, and then the same columns explain more of it by chance.
 """
 
 from __future__ import annotations
@@ -132,10 +129,8 @@ class Evidence:
         return (before - after) * scale
 
     def lead(self, before: Fit, after: Fit) -> float:
-        """Evidence that one fit has over another, nats.
-
-        A law of the motion is judged against noise of the colour of what it leaves. A line in time, or a push, must
-        explain what the past of the residual does not predict: any function of time that is smooth imitates another.
+        """Evidence that one fit has over another, nats: of a law in noise of the colour of what it leaves, of a line in
+        time or a push by what the past of the residual does not predict.
         """
         gained = (self.nats(before.loss) - self.nats(after.loss)) / self.by_chance(before, after)
         if _of_time(before) != _of_time(after):
@@ -150,10 +145,7 @@ class Evidence:
     @once
     def by_chance(self, before: Fit, after: Fit) -> float:
         """How many times more the difference of two fits explains by chance of what the second leaves than of noise
-        that is white (at least 1): 1 + 2 sum of the products of both autocorrelations, the variance of a coefficient in
-        coloured noise over that in white noise of the same size (Bartlett).
-
-        A line in time, or a push, lies where the spectrum of a residual is strongest; a law of the motion does not.
+        that is white (at least 1), by Bartlett's formula.
         """
         was, left = (self._left(fit)[self.equations.kept] for fit in (before, after))
         row, noise = after.loss / max(self.equations.counted, 1.0), self.noise

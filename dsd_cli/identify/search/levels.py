@@ -1,9 +1,7 @@
 """Levels that differ between the logs of one rig: friction that warmed up, an offset of one day.
 
-Effects say which of their values do (`Effect.varies`). Beside all functions of the motion such a value gets a deviation
-in each log; those that are certain and of use are forces that are known to act in that log, and the search begins again
-without them. The model keeps the mean of the logs. A force that depends on the place or the speed is no level, wherever
-the logs were taken: what a function of the motion does as well is not identified.
+A force that depends on the place or the speed is no level, wherever the logs were taken: what a function of the motion
+does as well is not identified.
 """
 
 from __future__ import annotations
@@ -25,8 +23,7 @@ from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.row_weights import inflation, many_sure
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.excerpts import excerpts
-from dsd_cli.identify.recordings.levels import Deviations, may_differ, with_levels
+from dsd_cli.identify.recordings.excerpts import Deviations, excerpts, may_differ, with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.drift_search import searched
 from dsd_cli.identify.search.long_logs import Task
@@ -238,7 +235,7 @@ def levelled(task: Task) -> Levelled:
         return _beside(task, task.settings.levels)
     now = _at_first(Search(pose(excerpts(task.recordings), task.model, task.settings, task.holdout)))
     for _ in range(_ROUNDS):
-        found = _with_their_effects(_beside(task, now))
+        found = _beside(task, now)
         then = deviations(found.search, found.whole)
         if _the_same(then, now):
             return found
@@ -265,22 +262,6 @@ def _the_same(a: Sequence[Deviations], b: Sequence[Deviations]) -> bool:
         return False
     pairs = ((p, q, s) for x, y in zip(a, b, strict=True) for p, q, s in zip(x.by_log, y.by_log, x.errors, strict=True))
     return all(abs(p - q) <= max(s, _SETTLED * abs(q)) for p, q, s in pairs)
-
-
-def _with_their_effects(found: Levelled) -> Levelled:
-    """With each effect whose level differs in place of one that stands in for the mean of its levels: a load that
-    differs from log to log is there in one of them at least, and its mean looks like a weight that hardly turns."""
-    search, whole = found.search, found.whole
-    for name in dict.fromkeys(one.effect for one in found.levels if one.effect in search.allowed):
-        if any(t.id == name for t in whole.terms):
-            continue
-        limit = (1.0 + POLICY.nearly_the_same) * search.problem.errors.rmse(whole)
-        rest = (tuple(t for t in whole.terms if t != member) for member in search.added(whole.terms))
-        fits = [search.fit((*terms, Term(name)), whole.tap) for terms in rest]
-        near = [fit for fit in fits if search.problem.errors.rmse(fit) <= limit]
-        if near:
-            whole = search.settled(min(near, key=search.problem.errors.rmse))
-    return replace(found, whole=whole)
 
 
 def deviations(search: Search, fit: Fit, more: tuple[str, ...] = ()) -> tuple[Deviations, ...]:

@@ -1,9 +1,4 @@
-"""Which set of effects explains recordings of any length: looked for in excerpts of long ones, judged on all of them.
-
-A search evaluates thousands of columns; the verdict needs a few. What an excerpt does not contain (a push, a drift,
-a corner of the travel) shows where the set that was found explains the rest less well than the excerpt; then the
-search sees that part as well.
-"""
+"""Which set of effects explains recordings of any length: sought in excerpts, judged on all rows."""
 
 from __future__ import annotations
 

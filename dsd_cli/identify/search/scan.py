@@ -14,8 +14,8 @@ from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.once import once
 
-#: Columns that keep less than this share of their power beside the fit's own add nothing.
-_LEAST_OWN = 1e-6
+#: Columns that keep less than this share of their power beside the fit's own add nothing. Ridge of those of size 1.
+_LEAST_OWN, _RIDGE = 1e-6, 1e-9
 
 
 class Scan:
@@ -52,37 +52,37 @@ class Scan:
         first = role is Role.FRICTION and not self._held  # with friction, slow stretches count as rest
         # what is known may change more than the columns of the effects that are there
         ruled = self.solver.known and (role in (Role.INPUT, Role.STRUCTURE) or self.solver.known.concerns(term.id))
+        taps = dict.fromkeys((self.tap,) if first else (self.tap, *self._taps_for(term, self.tap)))
         if first or ruled:
-            taps = dict.fromkeys((self.tap, *self._taps_for(term, self.tap))) if not first else (self.tap,)
             return max((self._squares - self.solver.squares((*self.terms, term), n, keep), n) for n in taps)
         if role is not Role.INPUT:
             return self._gain_of_columns(self.solver.bank.columns(term, self.tap, keep, self._held), term), self.tap
-        taps = dict.fromkeys((self.tap, *self._taps_for(term, self.tap)))
         return max((self._gain_of_drive(term, n, keep), n) for n in taps)
 
     def _gain_of_drive(self, term: Term, tap: int, keep: bool) -> float:
         """The change over a further step of delay goes with the changed drive, and its share is not negative."""
         inputs, bank = (*self._inputs, term), self.solver.bank
         own, further = (bank.drive(inputs, n, keep, self._held) for n in (tap, tap + 1))
-        gram, moment = _beside(np.stack([own, own - further]), self._effects, self._unexplained)
-        if not (moment[0] > 0.0 and gram[0, 0] > 0.0):
-            return self._squares - float(self._unexplained @ self._unexplained)
-        explained = float(moment[0]) ** 2 / float(gram[0, 0])
-        weights = np.linalg.lstsq(gram, moment, rcond=1e-12)[0]
-        if weights[0] > 0.0 > weights[1]:
-            explained = max(explained, float(weights @ moment))
+        gram, moment, _ = _beside(np.stack([own, own - further]), self._effects, self._unexplained)
+        explained = 0.0
+        if moment[0] > 0.0 and gram[0, 0] > 0.0:
+            explained = float(moment[0]) ** 2 / float(gram[0, 0])
+            weights = np.linalg.lstsq(gram, moment, rcond=1e-12)[0]
+            if weights[0] > 0.0 > weights[1]:
+                explained = max(explained, float(weights @ moment))
         return self._squares - (float(self._unexplained @ self._unexplained) - explained)
 
     def _gain_of_columns(self, columns: Sequence[Array], term: Term) -> float:
         of_rows = len(columns[0])  # prior equations come behind them, in which a new effect has no part
-        rows = np.stack(columns)
-        gram, moment = _beside(rows, self._all[:, :of_rows], self._left[:of_rows])
-        if not np.all(np.diag(gram) > _LEAST_OWN * np.einsum("ij,ij->i", rows, rows)):
+        rows = columns[0][None] if len(columns) == 1 else np.stack(columns)
+        gram, moment, powers = _beside(rows, self._all[:, :of_rows], self._left[:of_rows])
+        if not np.all(gram.diagonal() > _LEAST_OWN * powers.diagonal()):
             return 0.0
+        if len(columns) == 1:  # nearly all are: without NumPy's calls for one number
+            needless = moment[0] > 0.0 and not_negative(term, 1)
+            return 0.0 if needless else float(moment[0] ** 2 / gram[0, 0]) / (1.0 + _RIDGE)
         scale = np.sqrt(np.diag(gram))
-        theta = np.linalg.solve(gram / np.outer(scale, scale) + 1e-9 * np.eye(len(gram)), moment / scale) / scale
-        if len(columns) == 1 and theta[0] > 0.0 and not_negative(term, 1):
-            return 0.0
+        theta = np.linalg.solve(gram / np.outer(scale, scale) + _RIDGE * np.eye(len(gram)), moment / scale) / scale
         return float(theta @ moment)
 
 
@@ -118,10 +118,10 @@ def _basis(rows: Sequence[Array]) -> Array:
     return np.ascontiguousarray(basis.T)
 
 
-def _beside(rows: Array, basis: Array, left: Array) -> tuple[Array, Array]:
-    """Inner products of what rows, shape (k, N), have beside a basis, and those with what the basis leaves."""
-    share = rows @ basis.T
-    return rows @ rows.T - share @ share.T, rows @ left
+def _beside(rows: Array, basis: Array, left: Array) -> tuple[Array, Array, Array]:
+    """Inner products of what rows, shape (k, N), have beside a basis, with what it leaves, and of the rows."""
+    share, powers = rows @ basis.T, rows @ rows.T
+    return powers - share @ share.T, rows @ left, powers
 
 
 def _without(x: Array, basis: Array) -> Array:

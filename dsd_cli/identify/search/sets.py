@@ -1,8 +1,4 @@
-"""Which set of effects explains the recordings: steps forward, back and sideways until nothing gets better.
-
-One effect at a time would name substitutes (drag for friction plus damping). So the search goes on to the whole set,
-removes what became needless, exchanges members for other candidates, and ranks the members only then.
-"""
+"""Which set of effects explains the recordings: steps forward, back and sideways until nothing gets better."""
 
 from __future__ import annotations
 
@@ -87,19 +83,22 @@ class Search(Evidence):
             terms = (*current.terms, term)
             narrow = term.effect.role is Role.STRUCTURE or term.effect.lateness is not None
             worth = gain >= (WORTH_FOR_NARROW if narrow else WORTH_REFINING) * most
-            if term.items and worth:
-                terms, tap = refined(self, terms, len(terms) - 1, tap, ROUNDS_IN_SCAN)
-            fit = self.fit(terms, tap) if worth else self.solver.fit(terms, tap)
+            fit = self._at_its_best(terms, tap) if worth else self.solver.fit(terms, tap)
             options.append(Option(term.id, fit, self.evidence(fit)))
         return options
 
-    def _at_best_starts(self, current: Fit) -> list[tuple[float, int, Term]]:
-        """(gain, delay, term) of every allowed effect at the best of its starts."""
+    def _at_its_best(self, terms: Terms, tap: int) -> Fit:
+        """With the shape of the last of these effects searched from where it is."""
+        return self.fit(*refined(self, terms, len(terms) - 1, tap, ROUNDS_IN_SCAN) if terms[-1].items else (terms, tap))
+
+    def _at_best_starts(self, current: Fit, member: str = "") -> list[tuple[float, int, Term]]:
+        """(gain, delay, term) of every allowed effect at the best of its starts; of laws alone in place of a member."""
         lines, scan = Lines(self.problem.errors, current), self.scan(current.terms, current.tap)
         here = {t.id for t in current.terms}
         found = []
         for effect_id in names_to_try(self.allowed, here, self.ranges):
-            if get_effect(effect_id).listed:  # `pulses` looks for those
+            effect = get_effect(effect_id)
+            if effect.listed or (member and (effect_id == member or effect.of_time)):  # `pulses` looks for the listed
                 continue
             known = self.solver.known
             shapes = (known.pinned(effect_id, shape) for shape in starts(effect_id, self.ranges, lines))
@@ -127,18 +126,11 @@ class Search(Evidence):
         return replace(found, estimates=known, correlations=together)
 
     def challenger(self, rest: Fit, member: str, own: float) -> Option | None:
-        """The best replacement of a member that gains `own`, by evidence; None if no candidate comes near it. A law is
-        not replaced by a function of time."""
-        found = [f for f in self._at_best_starts(rest) if f[2].id != member and f[0] > WORTH_CHALLENGING * own]
-        found = [f for f in found if not f[2].effect.of_time]
-        options = []
-        for _, tap, term in sorted(found, key=lambda f: -f[0])[:MOST_CHALLENGERS]:
-            terms = (*rest.terms, term)
-            if term.items:
-                terms, tap = refined(self, terms, len(terms) - 1, tap, ROUNDS_IN_SCAN)
-            fit = self.fit(terms, tap)
-            options.append(Option(term.id, fit, self.evidence(fit)))
-        return preferred(self, options)
+        """The best replacement of a member that gains `own`, by evidence; None if no candidate comes near it."""
+        found = [f for f in self._at_best_starts(rest, member) if f[0] > WORTH_CHALLENGING * own]
+        best = sorted(found, key=lambda f: -f[0])[:MOST_CHALLENGERS]
+        fits = [self._at_its_best((*rest.terms, term), tap) for _, tap, term in best]
+        return preferred(self, [Option(fit.terms[-1].id, fit, self.evidence(fit)) for fit in fits])
 
     def run(self, start: Fit, report: Callable[[float], None] = lambda _: None, *, to_friction: bool = False) -> Fit:
         """The set of effects that nothing betters any more, or the first that has friction.

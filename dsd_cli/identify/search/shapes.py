@@ -50,7 +50,7 @@ def apart(one: Term, others: Iterable[Term], ranges: Ranges) -> bool:
         return True
     kind, own = kind_of(one.id), periods(one.shape, ranges)
     alike = (t for t in others if t.id != one.id and kind_of(t.id) == kind)
-    return all(abs(periods(t.shape, ranges) - own) >= POLICY.periods_apart for t in alike)
+    return all(abs(periods(t.shape, ranges) - own) >= 1.0 for t in alike)
 
 
 def renamed(terms: Terms, alike: Terms) -> Terms:

@@ -199,9 +199,9 @@ def left(columns: Array, target: Array) -> Array:
 
 def coefficients(columns: Array, target: Array) -> Array:
     """Least squares, shape (p,)."""
-    size = np.maximum(np.linalg.norm(columns, axis=0), 1e-300)
-    scaled = columns / size
-    return np.asarray(np.linalg.lstsq(scaled.T @ scaled, scaled.T @ target, rcond=1e-12)[0] / size)
+    gram = columns.T @ columns
+    size = np.maximum(np.sqrt(gram.diagonal()), 1e-300)
+    return np.asarray(np.linalg.lstsq(gram / size / size[:, None], columns.T @ target / size, rcond=1e-12)[0] / size)
 
 
 def correlation_time(rest: Array) -> float:

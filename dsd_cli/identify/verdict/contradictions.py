@@ -16,7 +16,7 @@ from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, UNKNOWN, Diagnosis, Estimate, Estimates, LogLevels
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.advice import asking_again
+from dsd_cli.identify.verdict.limits import asking_again
 from dsd_cli.identify.verdict.stability import no_surer
 
 #: The channel with which an inertia that is held wrongly errs.

@@ -21,8 +21,7 @@ from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.excerpts import excerpts
-from dsd_cli.identify.recordings.levels import may_differ, with_levels
+from dsd_cli.identify.recordings.excerpts import excerpts, may_differ, with_levels
 from dsd_cli.identify.recordings.recording import Mended, Recording
 from dsd_cli.identify.results import DELAY, NONE, Diagnosis, Estimates
 from dsd_cli.identify.search.levels import Levelled, levelled
@@ -60,16 +59,12 @@ def diagnose(
 ) -> Diagnosis:
     """The effect that is missing most, "inertia" or "delay" if a value is wrong, "none" or "unknown".
 
-    Parameters
-    ----------
     recordings : of one rig, fitted together. holdout : recordings that no fit sees; held-out errors are then of those.
     model : believed; its values are fitted along, its effects stay. stability : ask again with half of the data, half
         and twice the band. progress : called with what is being done and the share that is done; on_told : if the log
         is against what was given; on_found : with search and whole set.
 
-    Raises
-    ------
-    DataError, UsageError : too short, no motion, or a needed channel is missing; recordings of different rates.
+    Raises DataError, UsageError : too short, no motion, or a needed channel is missing; recordings of different rates.
     """
     report = progress or (lambda _what, _share: None)
     given = partial(diagnose, model=model, observer=observer, settings=settings, progress=progress)

@@ -13,10 +13,9 @@ from dsd_cli.identify.missing import Missing
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
 from dsd_cli.identify.search.sets import Option, Search
-from dsd_cli.identify.verdict.advice import advice_for
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, before_climb, only_at_stops, said_of_left
-from dsd_cli.identify.verdict.limits import Limits
+from dsd_cli.identify.verdict.limits import Limits, advice_for
 from dsd_cli.identify.verdict.own_values import ParameterCheck
 from dsd_cli.identify.verdict.probability import (
     Membership,

@@ -14,7 +14,7 @@ from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.blocks import grams, losses, solve
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.levels import Deviations, may_differ
+from dsd_cli.identify.recordings.excerpts import Deviations, may_differ
 from dsd_cli.identify.results import Diagnosis, Estimate, Estimates, LogLevels
 from dsd_cli.identify.search.levels import Levelled, by_log, varying
 from dsd_cli.identify.search.sets import Search

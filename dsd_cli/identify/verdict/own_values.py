@@ -12,7 +12,7 @@ from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.fit.values import LEAST_INERTIA, flat, terms_of, units_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
-from dsd_cli.identify.search.seen import Seen, is_a_load
+from dsd_cli.identify.search.seen import Seen
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import refined
 from dsd_cli.identify.verdict.discrepancy import noise_of_u
@@ -21,9 +21,6 @@ from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.golden import golden_section
 from dsd_cli.signals.spread import rms
 
-FOLLOWS_NOISE = (
-    "the load of the model is not followed: its values, fitted again, would be nearly all of the inertia or none of it"
-)
 HALF_A_SAMPLE = "a u that was sampled, taken as held, is half a sample of delay, {:.3g} ms: is signals.u_hold right?"
 #: Golden section steps.
 STEPS = 30
@@ -88,8 +85,6 @@ def _fitted_values(search: Search) -> ParameterCheck:
     sure = max(_deviations(believed, values, between), key=lambda pair: pair[1], default=("", 0.0))
     if not problem.falls(given.heldout_rmse, refitted.heldout_rmse, refit) or sure[1] < POLICY.value_deviations:
         return ParameterCheck(score, refitted, candidates, "", 0.0, said)
-    if any("load_share" in v and not is_a_load(v["load_share"]) for v in fitted.model.effects.values()):
-        return ParameterCheck(score, refitted, candidates, "", 0.0, (*said, FOLLOWS_NOISE))
     wrong = sure[0].split(".")[0]
     lags = [n for n in search.allowed if delays_command(n)] if wrong == DELAY else []
     if late := tuple(name for name in lags if _explains_the_delay(search, name)):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -22,7 +21,7 @@ from dsd_cli.signals.log import Array
 _BINS, _DELAYS = 20, 200
 #: Single laws, those with most evidence, beside which pushes are looked for.
 _LAWS = 3
-#: Levels that two pushes have, one on top of the other.
+#: Levels that two pushes have, one on top of the other; more without a pause are a force that changes in time.
 _ON_TOP = 3
 
 
@@ -109,17 +108,14 @@ def pushes_leave_more(search: Search, whole: Fit) -> bool:
 
 
 def law_of_pushes(search: Search, fit: Fit) -> str:
-    """What the pushes of a fit are a function of, "position" or "time"; "" where they come as pushes do.
-
-    Pushes that follow each other without a pause are a force that changes in time. Pushes that come wherever the axis
-    is at one place are an end stop or the like: their force is explained by the position better than that of the same
-    pushes at other times would be.
+    """What the pushes of a fit are a function of, "position" or "time" (they follow each other without a pause); ""
+    where they come as pushes do.
     """
     event = next((t for t in fit.terms if t.effect.listed), None)
     if event is None:
         return ""
     equations, edges = search.equations, event.shape["edges"]
-    if any(_a_drift(levels) for levels in _runs(search, fit, event)):
+    if any(len(levels) > _ON_TOP for levels in _runs(search, fit, event)):
         return "time"
     times = equations.of_rows([s.frame.times for s in equations.stretches])
     force = np.zeros(len(times))
@@ -143,16 +139,6 @@ def _runs(search: Search, fit: Fit, event: Term) -> list[list[float]]:
             runs[-1].append(level)
             ended = b
     return runs
-
-
-def _a_drift(levels: Sequence[float]) -> bool:
-    """Whether levels without a pause are a force that changes in time, and no two pushes on top of each other: those
-    are three levels, the middle one the sum of the others, or both others the same."""
-    if len(levels) < _ON_TOP:
-        return False
-    first, middle, last = levels[:3]
-    near = POLICY.same_level * max(abs(first), abs(last))
-    return len(levels) > _ON_TOP or min(abs(first - last), abs(middle - first - last)) > near
 
 
 def _of_place(force: Array, place: Array) -> bool:

@@ -17,8 +17,7 @@ from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import terms_of
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.excerpts import excerpts
-from dsd_cli.identify.recordings.levels import with_levels
+from dsd_cli.identify.recordings.excerpts import excerpts, with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Diagnosis, Variant
 from dsd_cli.identify.search.sets import Search
@@ -49,10 +48,10 @@ def with_stability(
     asked = [
         ("the first half of the data", _half(recordings, 0), settings),
         ("the second half", _half(recordings, 1), settings),
-        ("half the band", recordings, replace(settings, band=1.0 / POLICY.other_bands)),
-        ("twice the band", recordings, replace(settings, band=POLICY.other_bands)),
+        ("half the band", recordings, replace(settings, band=0.5)),
+        ("twice the band", recordings, replace(settings, band=2.0)),
     ]
-    if found.band_hz * POLICY.other_bands > POLICY.highest_share / recordings[0].sample_time:
+    if found.band_hz * 2.0 > POLICY.highest_share / recordings[0].sample_time:
         asked.pop()
     variants = tuple(v for what, some, how in asked if (v := _variant(found, what, some, model, how)) is not None)
     if all(one.same for one in variants):
