@@ -354,6 +354,23 @@ def test_beside_a_lag_a_load_is_driven_by_the_delay_that_was_found_with_it(monke
     assert set(asked[0].effects) == {"backlash", "actuator_lag"}
 
 
+def test_what_a_simulation_and_contacts_differ_by_is_in_the_error():
+    """A contact with another damping than is simulated bends a gap by more than the simulation can know."""
+    model = PlantModel(0.1, 0.0, {})
+
+    def play(gap: float, error: float, off: float) -> Seen:
+        values = {"gap": (gap, error), "load_share": (0.4, 0.01), "stiffness": (9.0, 0.1)}
+        return Seen("backlash", values, (), 99.0, 0.5, 90.0, 80.0, model, off)
+
+    contacts = play(1.02, 0.02, 0.02)
+    same = response._predicted(response.Response(play(1.0, 0.001, math.nan)), contacts)
+    assert same.values["gap"] == (1.0, pytest.approx(0.02, rel=0.01))
+    assert same.values["stiffness"] == (9.0, pytest.approx(0.1))
+    assert same.model.effects["backlash"]["gap"] == 1.0
+    assert response._predicted(response.Response(play(0.8, 0.001, math.nan)), contacts) is contacts
+    assert response._predicted(None, contacts) is contacts
+
+
 def test_blocks_hold_equal_parts_of_what_tells_two_residuals_apart():
     """One quick move in a long record: each of the blocks has its share of the evidence."""
     rng = np.random.default_rng(3)

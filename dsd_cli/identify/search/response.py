@@ -78,13 +78,14 @@ def response_of(search: Search, whole: Fit, asked: Sequence[str], doubtful: bool
 
 
 def _predicted(found: Response | None, touching: Seen) -> Seen:
-    """The play that contacts show, with the values of a simulation that shows the same one: it predicts impacts."""
+    """The play that contacts show, with the values of a simulation that shows the same one: it predicts impacts. By how
+    much the two differ neither knows: another damping of the contact bends what is simulated."""
     seen = found.seen if found is not None else None
-    if seen is None or seen.effect != touching.effect:
+    values = {} if seen is None else {name: value for name, (value, _) in seen.values.items()}
+    if seen is None or seen.effect != touching.effect or not same_play(values, touching):
         return touching
-    values = {name: value for name, (value, _) in seen.values.items()}
-    there = touching.model.changed(None, None, {PLAY: values})
-    return replace(touching, values=seen.values, model=there) if same_play(values, touching) else touching
+    told = {n: (x, math.hypot(error, x - touching.values[n][0])) for n, (x, error) in seen.values.items()}
+    return replace(touching, values=told, model=touching.model.changed(None, None, {PLAY: values}))
 
 
 @dataclass(frozen=True)
