@@ -1,6 +1,7 @@
 """What the response shows above the band of the balance, on logs of the outside rig that do not show it in the band."""
 
 import math
+import sys
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
@@ -37,7 +38,7 @@ from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
-from tests.oracle import machines
+from tests.oracle import machines, rig_parts
 from tests.oracle.machine_cases import cases
 from tests.oracle.rig import Exact, RigCase, RigLog, make_exact
 
@@ -257,6 +258,16 @@ def test_play_behind_a_fine_sensor(seed):
     assert near(found.values, axis.truth, 0.05) == {}
     assert found.model.inertia == pytest.approx(axis.log.truth["inertia"], rel=0.01)
     assert found.model.delay == pytest.approx(axis.log.truth["delay"], abs=1.5e-3)
+
+
+def test_a_contact_with_another_damping_bends_no_gap(monkeypatch):
+    monkeypatch.setattr(rig_parts, "CONTACT_DAMPING", 0.6)
+    case = RigCase(what=("backlash",), seed=0, sensing="enc4096")
+    monkeypatch.setattr(sys.modules[__name__], "made", lambda _: make_exact(case))
+    axis = Axis(("backlash",), 0)
+    found = axis.seen()
+    assert found.effect == "backlash"
+    assert near(found.values, axis.truth, 0.03) == {}
 
 
 def test_a_saturated_drive_is_no_load():

@@ -132,7 +132,7 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     target = fresh(signals.target)
     if not _enough(gains(left(fresh(rigid), target), left(fresh(modes.columns(at)), target))):
         return unseen
-    tied = play is not None and not _agreed(gains(play.rest, play.rival))
+    tied = play is not None and play.told and not _agreed(gains(play.rest, play.rival))
     fall, nats = _fall(rival, swinging), float(over_rigid.sum())
     if PLAY in asked and correlated and fall < POLICY.response_fall:
         return replace(unseen, rattles=True)
@@ -178,12 +178,13 @@ def _swinging(search: Search, whole: Fit) -> _Look | None:
 
 @dataclass(frozen=True)
 class _Found:
-    """The play that explains most, its model, what it leaves and what its rival does, and whether it is certain."""
+    """The play that explains most, its model, what it leaves and what its rival does. told : from a spring, by its gap."""
 
     values: dict[str, tuple[float, float]]
     model: PlantModel
     rest: Array
     rival: Array
+    told: bool
     certain: bool
 
     @property
@@ -232,7 +233,7 @@ def _play(search: Search, look: _Look) -> _Found | None:
     certain = told and white and is_a_load(values["load_share"][0]) and _agreed(gains(rival, rest))
     fresh = _whatever_the_noise(signals, rival)
     certain = certain and _enough(gains(fresh(rival), fresh(rest)))
-    return _Found(values, _told_model(look, play, at, delay, values), rest, rival, certain)
+    return _Found(values, _told_model(look, play, at, delay, values), rest, rival, told, certain)
 
 
 def _told_model(look: _Look, play: Play, at: Array, delay: float, values: dict[str, tuple[float, float]]) -> PlantModel:
