@@ -262,7 +262,7 @@ def test_play_behind_a_fine_sensor(seed):
 
 def test_a_contact_with_another_damping_bends_no_gap(monkeypatch):
     monkeypatch.setattr(rig_parts, "CONTACT_DAMPING", 0.6)
-    case = RigCase(what=("backlash",), seed=0, sensing="enc4096")
+    case = RigCase(what=("backlash",), seed=0, sensing="enc4096", duration=10.0)
     monkeypatch.setattr(sys.modules[__name__], "made", lambda _: make_exact(case))
     axis = Axis(("backlash",), 0)
     found = axis.seen()

@@ -178,7 +178,7 @@ def _swinging(search: Search, whole: Fit) -> _Look | None:
 
 @dataclass(frozen=True)
 class _Found:
-    """The play that explains most, its model, what it leaves and what its rival does. told : from a spring, by its gap."""
+    """The play that explains most, its model, what it leaves and its rival does. told : from a spring, by its gap."""
 
     values: dict[str, tuple[float, float]]
     model: PlantModel
