@@ -202,8 +202,10 @@ static double over(const Coupling *k, double push, double lighter, double h, dou
     return taken;
 }
 
-/* an interval is cut into steps of at most so many radians of the load's own oscillation */
+/* an interval is cut into steps of at most so many radians of the load's own oscillation, and time constants of the
+ * damper */
 #define STEP 0.2
+#define SETTLING 1.0
 #define MOST_STEPS 10000.0
 
 /* The same where one linear law is sure to hold throughout, as the map that it then is: (apart, closing, push) ->
@@ -268,7 +270,8 @@ static Clock clock_of(const Coupling *k, double interval, double lighter, Py_ssi
 }
 
 static void set_clock(Clock *clock, const Coupling *k, double interval) {
-    double count = ceil(k->rate * interval / STEP);
+    const double swings = k->rate / STEP, settles = k->drag / SETTLING;
+    double count = ceil(interval * (swings > settles ? swings : settles));
     if (!(count >= 1.0)) count = 1.0;
     if (count > MOST_STEPS) count = MOST_STEPS;
     *clock = clock_of(k, interval, 1.0, (Py_ssize_t)count);

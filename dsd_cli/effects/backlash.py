@@ -8,8 +8,9 @@ from dsd_cli.effects.base import Channels, Effect, Parameter, Ranges, Role, Shap
 from dsd_cli.effects.joint_terms import Hung, JointTerms
 from dsd_cli.effects.memory import Coupling, Load, load_acceleration
 
-#: Damping ratio of the contact: with it the load comes to rest after a few bounces. It is not a parameter, because a
-#: log hardly tells it. With less damping a load that rattles between the flanks cannot be followed from samples.
+#: Damping ratio of the contact: with it the load comes to rest after a few bounces. It is no parameter; where impacts
+#: are simulated (`identify.search.play`) that of the log is found. With less damping a load that rattles between the
+#: flanks cannot be followed from samples.
 CONTACT_DAMPING = 0.3
 #: Contacts are searched up to so many times the band in which forces are balanced: stiffer ones look as rigid.
 HIGHEST = 4.0

@@ -18,8 +18,9 @@ from dsd_cli.signals.log import Array
 #: The compiled module, or None where the build had no compiler.
 COMPILED = compiled_module("dsd_cli.effects._memory", "load_row")
 
-#: Steps of the load are at most this long, in radians of its own oscillation.
-STEP = 0.2
+#: Steps are at most this long, in radians of the oscillation of motor against load, and in time constants of a damper
+#: by which speeds become alike: at 2.8 of those the fourth order diverges.
+STEP, SETTLING = 0.2, 1.0
 #: Beginnings and ends of contacts that are found in a step: a contact lasts longer than one, a touch need not.
 EVENTS = 6
 #: And no interval is cut into more steps than this.
@@ -109,9 +110,10 @@ class Coupling(NamedTuple):
         depth = flank * apart - self.half_gap
         return flank if depth >= 0.0 and self.square * depth + self.drag * flank * closing > 0.0 else 0.0
 
-    def steps(self, interval: float) -> int:
-        """Steps of the load in an interval of s."""
-        return min(max(math.ceil(self.rate * interval / STEP), 1), MOST_STEPS)
+    def steps(self, interval: float, lighter: float = 1.0) -> int:
+        """Steps of the load in an interval of s; `lighter` as above."""
+        steps = interval * max(self.rate * math.sqrt(lighter) / STEP, self.drag * lighter / SETTLING)
+        return min(max(math.ceil(steps), 1), MOST_STEPS)
 
     def repeated(self, count: int, body: Callable[..., tuple[Any, ...]], *start: Any) -> tuple[Any, ...]:
         """`values = body(i, *values)` for i = 0, 1, ...: the one loop, so that an export has it as a loop, too."""
@@ -262,8 +264,8 @@ def forgotten(push: Array, interval: float, coupling: Coupling, share: float) ->
     nobody knows, it has forgotten; parameters as `driven_load`."""
     begun = (0.0, coupling.half_gap, -coupling.half_gap)
     here, *others = (driven_load(push, interval, coupling, share, x) for x in begun)
-    unlike = np.max(np.abs(np.subtract(others, here)), axis=0) > ALIKE * np.sqrt(np.mean(here**2))
-    return int(np.max(np.flatnonzero(unlike), initial=-1)) + 1
+    alike = np.max(np.abs(np.subtract(others, here)), axis=0) <= ALIKE * np.sqrt(np.mean(here**2))
+    return int(np.max(np.flatnonzero(~alike), initial=-1)) + 1  # what is no number is like nothing
 
 
 def driven_load(
@@ -279,7 +281,7 @@ def driven_load(
     share : the load's, of the inertia J of both. apart : motor less load at the begin, at which both rest.
     """
     own = 1.0 - share
-    steps = coupling.steps(interval / math.sqrt(own))  # of the free vibration, which is quicker than the load's own
+    steps = coupling.steps(interval, 1.0 / own)  # the free vibration is quicker than the load's own
     push = np.ascontiguousarray(push, dtype=np.float64)
     out = np.empty_like(push)
     if compiled is not None:

@@ -217,6 +217,25 @@ def test_a_load_that_is_met_at_the_end_alone_remembers_until_then():
     assert forgotten(push, 1e-3, Coupling.of(60.0, 0.3), 0.4) == 0
 
 
+@pytest.mark.parametrize(("share", "damping"), [(0.95, 2.0), (0.999, 0.3), (0.9, 30.0)])
+def test_a_small_motor_on_a_strong_damper_moves_with_its_load(share, damping):
+    """Far below the resonance, f / 20 Hz, the two are one: a = F / J, but for (f / resonance)^2 of it."""
+    push = np.sin(2.0 * math.pi * 0.5 * T * np.arange(2000))
+    found = driven_load(push, T, Coupling.of(20.0, damping), share)
+    np.testing.assert_allclose(found, (1.0 - share) * push, atol=0.02 * (1.0 - share))
+
+
+def test_a_strong_damper_behind_a_motor_does_not_diverge():
+    rows = rows_of(smooth_motion())
+    found, _ = load_acceleration(rows.position, rows.velocity, rows.interval, Coupling.of(20.0, 30.0), None)
+    assert np.abs(found).max() < 2.0 * np.abs(np.diff(rows.velocity) / T).max()
+
+
+def test_what_is_no_number_never_forgets():
+    push = np.where(np.arange(100) < 50, 1.0, math.nan)
+    assert forgotten(push, T, Coupling.of(20.0, 0.3, 1e-3), 0.4) == 100
+
+
 def test_a_free_motor_moves_no_load():
     assert not driven_load(np.full(50, 1e-6), T, Coupling.of(20.0, 0.3, 1.0), 0.5).any()
 

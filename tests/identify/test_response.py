@@ -1,6 +1,7 @@
 """What the response shows above the band of the balance, on logs of the outside rig that do not show it in the band."""
 
 import math
+import sys
 from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
@@ -37,7 +38,7 @@ from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
-from tests.oracle import machines
+from tests.oracle import machines, rig_parts
 from tests.oracle.machine_cases import cases
 from tests.oracle.rig import Exact, RigCase, RigLog, make_exact
 
@@ -259,6 +260,16 @@ def test_play_behind_a_fine_sensor(seed):
     assert found.model.delay == pytest.approx(axis.log.truth["delay"], abs=1.5e-3)
 
 
+def test_a_contact_with_another_damping_bends_no_gap(monkeypatch):
+    monkeypatch.setattr(rig_parts, "CONTACT_DAMPING", 0.1)
+    case = RigCase(what=("backlash",), seed=0, sensing="enc4096")
+    monkeypatch.setattr(sys.modules[__name__], "made", lambda _: make_exact(case))
+    axis = Axis(("backlash",), 0)
+    found = axis.seen()
+    assert found.effect == "backlash"
+    assert found.values["gap"][0] == pytest.approx(axis.truth["gap"], rel=0.03)
+
+
 def test_a_saturated_drive_is_no_load():
     """A load driven by the command as it was before its limit took the whole misfit of the limit."""
     answer = Axis(("saturation",), 4000).diagnosed()
@@ -352,6 +363,23 @@ def test_beside_a_lag_a_load_is_driven_by_the_delay_that_was_found_with_it(monke
     assert shown.seen is None  # the lag comes first
     assert (asked[0].delay, asked[0].inertia) == (found.delay, found.inertia)
     assert set(asked[0].effects) == {"backlash", "actuator_lag"}
+
+
+def test_what_a_simulation_and_contacts_differ_by_is_in_the_error():
+    """A contact with another damping than is simulated bends a gap by more than the simulation can know."""
+    model = PlantModel(0.1, 0.0, {})
+
+    def play(gap: float, error: float, off: float) -> Seen:
+        values = {"gap": (gap, error), "load_share": (0.4, 0.01), "stiffness": (9.0, 0.1)}
+        return Seen("backlash", values, (), 99.0, 0.5, 90.0, 80.0, model, off)
+
+    contacts = play(1.02, 0.02, 0.02)
+    same = response._predicted(response.Response(play(1.0, 0.001, math.nan)), contacts)
+    assert same.values["gap"] == (1.0, pytest.approx(0.02, rel=0.01))
+    assert same.values["stiffness"] == (9.0, pytest.approx(0.1))
+    assert same.model.effects["backlash"]["gap"] == 1.0
+    assert response._predicted(response.Response(play(0.8, 0.001, math.nan)), contacts) is contacts
+    assert response._predicted(None, contacts) is contacts
 
 
 def test_blocks_hold_equal_parts_of_what_tells_two_residuals_apart():

@@ -128,9 +128,10 @@ def _leaning(parameters: Sequence[Parameter]) -> list[Finding]:
     missing bends both as well."""
     leaning = [p for p in parameters if p.leaning is not None and not p.lacks_force]
     texts = [f"{p.name} is {p.leaning:.3g} by least squares and {p.value:.3g} by the reference" for p in leaning]
-    what = f"{', '.join(texts)}: the controller answers noise of the sensor, which biases a fit of u on the motion"
+    what = f"{', '.join(texts)}: the controller answers noise of the sensor, or play, a coupling or a lag is missing"
     priors = [f"--prior {p.name}={max(p.value, 0.0):.4g}+-{p.std_error:.2g}" for p in leaning if p.identified != "not"]
-    remedy = f"give what the reference says, with its error: {' '.join(priors)}" if priors else "a finer encoder"
+    after = "give what the reference says, with its error, if dsd diagnose finds none of these missing:"
+    remedy = f"{after} {' '.join(priors)}" if priors else "a finer encoder"
     return [Finding(what, "log", "warning", 0.9, remedy)] if leaning else []
 
 

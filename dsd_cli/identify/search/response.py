@@ -78,13 +78,14 @@ def response_of(search: Search, whole: Fit, asked: Sequence[str], doubtful: bool
 
 
 def _predicted(found: Response | None, touching: Seen) -> Seen:
-    """The play that contacts show, with the values of a simulation that shows the same one: it predicts impacts."""
+    """The play that contacts show, with the values of a simulation that shows the same one: it predicts impacts. By how
+    much the two differ neither knows: another damping of the contact bends what is simulated."""
     seen = found.seen if found is not None else None
-    if seen is None or seen.effect != touching.effect:
+    values = {} if seen is None else {name: value for name, (value, _) in seen.values.items()}
+    if seen is None or seen.effect != touching.effect or not same_play(values, touching):
         return touching
-    values = {name: value for name, (value, _) in seen.values.items()}
-    there = touching.model.changed(None, None, {PLAY: values})
-    return replace(touching, values=seen.values, model=there) if same_play(values, touching) else touching
+    told = {n: (x, math.hypot(error, x - touching.values[n][0])) for n, (x, error) in seen.values.items()}
+    return replace(touching, values=told, model=touching.model.changed(None, None, {PLAY: values}))
 
 
 @dataclass(frozen=True)
@@ -131,7 +132,7 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     target = fresh(signals.target)
     if not _enough(gains(left(fresh(rigid), target), left(fresh(modes.columns(at)), target))):
         return unseen
-    tied = play is not None and not _agreed(gains(play.rest, play.rival))
+    tied = play is not None and play.told and not _agreed(gains(play.rest, play.rival))
     fall, nats = _fall(rival, swinging), float(over_rigid.sum())
     if PLAY in asked and correlated and fall < POLICY.response_fall:
         return replace(unseen, rattles=True)
@@ -177,12 +178,13 @@ def _swinging(search: Search, whole: Fit) -> _Look | None:
 
 @dataclass(frozen=True)
 class _Found:
-    """The play that explains most, its model, what it leaves and what its rival does, and whether it is certain."""
+    """The play that explains most, its model, what it leaves and its rival does. told : from a spring, by its gap."""
 
     values: dict[str, tuple[float, float]]
     model: PlantModel
     rest: Array
     rival: Array
+    told: bool
     certain: bool
 
     @property
@@ -231,7 +233,7 @@ def _play(search: Search, look: _Look) -> _Found | None:
     certain = told and white and is_a_load(values["load_share"][0]) and _agreed(gains(rival, rest))
     fresh = _whatever_the_noise(signals, rival)
     certain = certain and _enough(gains(fresh(rival), fresh(rest)))
-    return _Found(values, _told_model(look, play, at, delay, values), rest, rival, certain)
+    return _Found(values, _told_model(look, play, at, delay, values), rest, rival, told, certain)
 
 
 def _told_model(look: _Look, play: Play, at: Array, delay: float, values: dict[str, tuple[float, float]]) -> PlantModel:
