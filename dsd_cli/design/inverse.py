@@ -45,8 +45,7 @@ class Path:
 
         spline = CubicHermiteSpline(self.times, self.velocity, np.gradient(self.velocity, self.step))
         at = step * np.arange(int(self.times[-1] / step + 1e-9) + 1)
-        velocity = spline(at)
-        return Path.moving(self.position[0] + spline.antiderivative()(at), velocity, step)
+        return Path.moving(self.position[0] + spline.antiderivative()(at), spline(at), step)
 
     @property
     def times(self) -> Array:

@@ -54,8 +54,7 @@ class Measure(Expectation):
         return nats
 
     def _name(self, truth: int, rival: int) -> str:
-        names = [self.targets.explanations[i].name for i in (truth, rival)]
-        return ", not ".join(apart(*names))
+        return ", not ".join(apart(*(self.targets.explanations[i].name for i in (truth, rival))))
 
     def told_apart(self, expected: Expected, a: int, b: int) -> tuple[int, int]:
         """The direction of a pair in which there are fewer nats; one that no motion identifies, or whose truth the logs

@@ -129,7 +129,7 @@ class _Asked:
         impossible += more
         if not (measure.open or targets.unknown):
             return self._answer(None, measure, measure.expected(measure.nothing), impossible)
-        measure = measure.sized_by([one.products for one in library])
+        measure = measure.sized_by([(1.0 / one.part.seconds) * one.products for one in library])
         seconds, parts, cost = _enough(measure, room, wanted, library, report)
         report("under the loop", 0.8)
         found, smallest, lost = self._verified(measure, parts, impossible)
