@@ -22,7 +22,7 @@ from dsd_cli.design.results import Impossible, Motion, Plan, PlannedPair, Planne
 from dsd_cli.design.rows import LONGEST_STEP
 from dsd_cli.design.seen import as_logged
 from dsd_cli.design.targets import Targets, apart, targets_of
-from dsd_cli.design.verified import plants_of, verified
+from dsd_cli.design.verified import follows, plants_of, verified
 from dsd_cli.errors import DataError
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.results import Diagnosis
@@ -31,8 +31,8 @@ from dsd_cli.plant.controllers import ControllerSettings
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Array
 
-#: Plants of each explanation in the search, and for what is said; share of the way that is made: else it sticks.
-_DRAWS_IN_SEARCH, _DRAWS_SAID, _FOLLOWED = 2, 4, 0.5
+#: Plants of each explanation in the search, and for what is said.
+_DRAWS_IN_SEARCH, _DRAWS_SAID = 2, 4
 
 Report = Callable[[str, float], None]
 
@@ -166,7 +166,7 @@ class _Asked:
         kept = verified(targets, plants, led, parts, room, loops, allowed)
         whole, first = TIMES * kept.parts, kept.runs[0, 0, 0]
         like, position = measure.like, joined(whole, room)
-        if np.ptp(first.path.position) < _FOLLOWED * np.ptp(position):
+        if not follows(first, position):
             raise TooNarrowError("within the limits u does not break friction away", "widen --limit u")
         if not as_logged(like.template, first.path, first.u, like.rest_speed).pieces[0]["velocity"].any():
             raise TooNarrowError("within the limits a motion is so small that no sensor shows it", "widen them")
