@@ -90,8 +90,7 @@ def _commanded(model: PlantModel, needed: Array, step: float, most: float) -> Ar
 
 def actuated(model: PlantModel, u: Array, step: float) -> Array:
     """What the actuator makes of a command, mean over the interval that begins at each sample."""
-    nothing = np.full(len(u), np.nan)
-    times = step * (np.arange(len(u)) + 0.5)
+    nothing, times = np.full(len(u), np.nan), step * (np.arange(len(u)) + 0.5)
     for name, values in model.effects.items():
         effect = get_effect(name)
         if effect.role is Role.INPUT:

@@ -98,8 +98,7 @@ class Measure(Expectation):
 
     def least(self, expected: Expected) -> float:
         """Nats of the target that is identified least."""
-        nats = self.nats(expected)
-        return min(nats[name] for name in self.open)
+        return min(nats for name, nats in self.nats(expected).items() if name in self.open)
 
     def worth(self, planned: Products) -> float:
         """Logarithm of the smallest expected nats, as long as they are not plenty; a part of the mean one of those by

@@ -25,7 +25,7 @@ from dsd_cli.signals.log import Array
 _SHRINK, _SHRINK_MOST, _SHRINKS, GENTLE = 0.9, 0.5, 12, 0.05
 #: Share of a limit that a smaller part aims at; s between samples by which draws are compared; share of the way that is
 #: made: else the axis sticks.
-_KEPT, _COARSE, _FOLLOWED = 0.97, 0.02, 0.5
+_KEPT, _COARSE, FOLLOWED = 0.97, 0.02, 0.5
 
 #: Place of an explanation, of one of its draws (`Targets.grown` behind them), and of a loop. The first loop runs the
 #: fitted plant (0) and the draw that needs most u; the last one the draw for which the feedforward lacks most, and the
@@ -70,12 +70,12 @@ def verified(
     last, broke, loop = dict[Key, dict[int, tuple[float, float]]](), dict[Key, Run](), loops[0]
     run = lru_cache(len(order))(lambda k, x: run_loop(plants[k], loops[k[2]], _planned(led, x, room, loop), allowed))
     for _ in range(_SHRINKS * len(order)):
-        runs, why, narrow = dict[Key, Run](), "", set[str]()
+        runs, why, narrow, way = dict[Key, Run](), "", set[str](), FOLLOWED * np.ptp(joined(parts, room))
         try:  # who broke a limit will most likely do so in the first half
             for key, times in [*((k, 1) for k in order[:1] if last), *((k, TIMES) for k in order)]:
-                runs[key] = run(key, times * parts)
-                sticks = key in last and not key[1] and not follows(runs[key], joined(parts, room))
-                if sticks or runs[key].exceeded(allowed):
+                now = runs[key] = run(key, times * parts)
+                sticks = key in last and not key[1] and np.ptp(now.path.position) < way
+                if sticks or now.exceeded(allowed):
                     break
             else:
                 return Verified(parts, runs, tuple(lost), tuple(dict.fromkeys(unstable)))
@@ -106,11 +106,6 @@ def verified(
     raise (TooNarrowError if narrow else DataError)(
         f"no motion keeps the limits with every likely plant: {broken}", "widen that limit, or move --start"
     )
-
-
-def follows(run: Run, position: Array) -> bool:
-    """Whether a plant goes along with a motion of this position, shape (n,), rather than stick."""
-    return float(np.ptp(run.path.position)) >= _FOLLOWED * float(np.ptp(position))
 
 
 def _planned(led: PlantModel, parts: Sequence[MotionSegment], room: Room, loop: Loop) -> tuple[Path, Array]:
