@@ -56,9 +56,9 @@ def able_to_move(
     targets: Targets, room: Room, believed: PlantModel, sample_time: float, *, far: bool = False
 ) -> Targets:
     """Without explanations by which u, within its limit or what it reached in the logs, could not begin to move the
-    axis, or, where values are weak or all is unknown, not hold it wherever the limits let it stand or pass: forces that
-    cancel out where a poor log has been, an asymmetry that a crawl leaves open. And without those whose motor is next
-    to nothing of the inertia and swings faster than samples show: no log speaks for that, and it takes minutes to run.
+    axis, or, where their values are weak, not hold it wherever the limits let it stand or pass: forces that cancel out
+    where a poor log has been, an asymmetry that a crawl leaves open. And without those whose motor is next to nothing
+    of the inertia and swings faster than samples show: no log speaks for that, and its simulation takes minutes.
 
     believed : the user's model, in the place of its own fit where nobody knows what that lacks.
     far : whether that is far from where the logs were, and nobody asked for what: a weight there is a cogging as well.
@@ -80,9 +80,9 @@ def able_to_move(
         bare = one.fitted.motor_inertia < _NO_MOTOR * one.fitted.inertia
         if bare and Plant(one.fitted).resonance * sample_time > math.pi:
             return False
-        u, sure = command_for(one.fitted, path, 3.0 * most), not (one.weak or targets.unknown)
+        u = command_for(one.fitted, path, 3.0 * most)
         passed = actuated(one.fitted, u, path.step).any()  # a dead zone beyond what saturates lets none of it act
-        held = sure or all(holds(one, most, speed) for speed in (0.0, room.limits.velocity))
+        held = not one.weak or all(holds(one, most, speed) for speed in (0.0, room.limits.velocity))
         return bool(passed) and held and float(np.abs(u).max()) < ROOM * most
 
     if far and not holds(targets.explanations[0], reached):
