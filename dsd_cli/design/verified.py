@@ -97,15 +97,13 @@ def verified(
             continue
         if key[0] == 0 or any(key[0] in pair for pair in targets.pairs):
             break
-        order = [k for k in order if k[0] != key[0]]
-        lost.append(names[key[0]])
+        order, lost = [k for k in order if k[0] != key[0]], [*lost, names[key[0]]]
         unstable += [f"{why} with {name} as the plant"] if why else []
     if why:
         raise DataError(f"{why} with {name} as the plant", "set [simulate.controller] to gains that hold this axis")
     broken = ", ".join(f"{name} ({100.0 * by:.0f} % beyond)" for name, by in runs[key].exceeded(allowed).items())
-    raise (TooNarrowError if narrow else DataError)(
-        f"no motion keeps the limits with every likely plant: {broken}", "widen that limit, or move --start"
-    )
+    said = f"no motion keeps the limits with every likely plant: {broken}", "widen that limit, or move --start"
+    raise (TooNarrowError if narrow else DataError)(*said)
 
 
 def _planned(led: PlantModel, parts: Sequence[MotionSegment], room: Room, loop: Loop) -> tuple[Path, Array]:
