@@ -45,8 +45,7 @@ class Path:
 
         spline = CubicHermiteSpline(self.times, self.velocity, np.gradient(self.velocity, self.step))
         at = step * np.arange(int(self.times[-1] / step + 1e-9) + 1)
-        velocity = spline(at)
-        return Path.moving(self.position[0] + spline.antiderivative()(at), velocity, step)
+        return Path.moving(self.position[0] + spline.antiderivative()(at), spline(at), step)
 
     @property
     def times(self) -> Array:
@@ -91,8 +90,7 @@ def _commanded(model: PlantModel, needed: Array, step: float, most: float) -> Ar
 
 def actuated(model: PlantModel, u: Array, step: float) -> Array:
     """What the actuator makes of a command, mean over the interval that begins at each sample."""
-    nothing = np.full(len(u), np.nan)
-    times = step * (np.arange(len(u)) + 0.5)
+    nothing, times = np.full(len(u), np.nan), step * (np.arange(len(u)) + 0.5)
     for name, values in model.effects.items():
         effect = get_effect(name)
         if effect.role is Role.INPUT:

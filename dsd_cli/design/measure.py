@@ -54,8 +54,7 @@ class Measure(Expectation):
         return nats
 
     def _name(self, truth: int, rival: int) -> str:
-        names = [self.targets.explanations[i].name for i in (truth, rival)]
-        return ", not ".join(apart(*names))
+        return ", not ".join(apart(*(self.targets.explanations[i].name for i in (truth, rival))))
 
     def told_apart(self, expected: Expected, a: int, b: int) -> tuple[int, int]:
         """The direction of a pair in which there are fewer nats; one that no motion identifies, or whose truth the logs
@@ -99,8 +98,7 @@ class Measure(Expectation):
 
     def least(self, expected: Expected) -> float:
         """Nats of the target that is identified least."""
-        nats = self.nats(expected)
-        return min(nats[name] for name in self.open)
+        return min(nats for name, nats in self.nats(expected).items() if name in self.open)
 
     def worth(self, planned: Products) -> float:
         """Logarithm of the smallest expected nats, as long as they are not plenty; a part of the mean one of those by

@@ -154,8 +154,7 @@ def _visits(t: Array, places: Array, speeds: Array, dwell: float, room: Room) ->
         v += way / max(covered, 1e-300) * shape if covered > 0.5 * abs(way) else 0.0
         at += lasts + dwell + 2.0 * room.quickest
     width = max(2 * round(0.5 * room.quickest / room.step) + 1, 3)
-    v = np.convolve(v, np.ones(width) / width, "same")
-    return np.asarray(np.cumsum(v) * room.step)
+    return np.asarray(np.cumsum(np.convolve(v, np.ones(width) / width, "same")) * room.step)
 
 
 def _tops(ways: Array, speeds: Array, a: float) -> Array:
@@ -213,8 +212,7 @@ def _reversals(t: Array, values: Array, room: Room) -> Array:
     x = room.limits
     reach = math.sqrt(x.acceleration / first) / (2.0 * np.pi)
     frequency = max(min(reach, 0.5 * room.band_hz) * 10.0 ** (values[2] - 1.0), 2.0 / t[-1])
-    size = first * (last / first) ** (t / t[-1])
-    return np.asarray(size * np.sin(2.0 * np.pi * frequency * t))
+    return np.asarray(first * (last / first) ** (t / t[-1]) * np.sin(2.0 * np.pi * frequency * t))
 
 
 def generator_values(part: MotionSegment, room: Room) -> dict[str, list[float]]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 
@@ -67,22 +68,24 @@ def sized(measure: Measure, room: Room, part: MotionSegment) -> Sized | None:
 
 
 def library_of(measure: Measure, room: Room, seconds: float, report: Report = lambda _: None) -> list[Sized]:
-    """Parts of every kind, for a motion of so many s."""
-    random = np.random.default_rng(_SEED)
-    each = seconds / TIMES
-    count = max(min(_PARTS, int(each / max(_SHORTEST, _RISES * room.quickest))), math.ceil(each / _LONGEST), 1)
-    length = math.ceil(each / count / room.step - 1e-6) * room.step  # together no shorter than was asked for
-    found = []
-    for i, kind in enumerate(KINDS):
-        for _ in range(_TRIED):
-            one = sized(measure, room, MotionSegment(kind, length, tuple(random.uniform(size=4).tolist())))
-            found += [one] if one is not None else []
-        report((i + 1) / len(KINDS))
+    """Parts of every kind, for a motion of so many s: short ones, and long ones in which a slow axis gets farther."""
+    random, found, asked = np.random.default_rng(_SEED), list[Sized](), [*product(_lengths(room, seconds), KINDS)]
+    for i, (length, kind) in enumerate(asked):
+        parts = [MotionSegment(kind, length, tuple(random.uniform(size=4).tolist())) for _ in range(_TRIED)]
+        found += [one for part in parts if (one := sized(measure, room, part)) is not None]
+        report((i + 1) / len(asked))
     return found
 
 
+def _lengths(room: Room, seconds: float) -> list[float]:
+    """s of parts, together no shorter than was asked for: of several in a motion, and of one alone if it may be."""
+    each, fewest = seconds / TIMES, max(math.ceil(seconds / TIMES / _LONGEST), 1)
+    most = max(min(_PARTS, int(each / max(_SHORTEST, _RISES * room.quickest))), fewest)
+    return [math.ceil(each / n / room.step - 1e-6) * room.step for n in dict.fromkeys((most, fewest))]
+
+
 def _chosen(measure: Measure, library: Sequence[Sized], seconds: float) -> list[Sized]:
-    """Greedily, then each exchanged for a better one while there is one."""
+    """Greedily, then each exchanged for a better one while there is one. library : parts of one length."""
     count = max(round(seconds / TIMES / library[0].part.seconds), 1)
     chosen: list[Sized] = []
     for _ in range(count):
@@ -104,7 +107,9 @@ def _best(measure: Measure, library: Sequence[Sized], beside: Sequence[Sized]) -
 
 def optimised(measure: Measure, room: Room, seconds: float, library: Sequence[Sized]) -> tuple[MotionSegment, ...]:
     """The parts of a motion of so many s, the numbers of each where the whole is best. library : for that length."""
-    chosen = _chosen(measure, library, seconds)
+    lengths = dict.fromkeys(one.part.seconds for one in library)
+    tried = [_chosen(measure, [one for one in library if one.part.seconds == s], seconds) for s in lengths]
+    chosen = max(tried, key=lambda some: measure.worth(TIMES * _all(measure, some)))
     for i in range(len(chosen)):
         if not any(chosen[i] is one for one in chosen[:i]):
             rest = _all(measure, [one for k, one in enumerate(chosen) if k != i])

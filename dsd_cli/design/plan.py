@@ -22,7 +22,7 @@ from dsd_cli.design.results import Impossible, Motion, Plan, PlannedPair, Planne
 from dsd_cli.design.rows import LONGEST_STEP
 from dsd_cli.design.seen import as_logged
 from dsd_cli.design.targets import Targets, apart, targets_of
-from dsd_cli.design.verified import plants_of, verified
+from dsd_cli.design.verified import FOLLOWED, plants_of, verified
 from dsd_cli.errors import DataError
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.results import Diagnosis
@@ -31,8 +31,8 @@ from dsd_cli.plant.controllers import ControllerSettings
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Array
 
-#: Plants of each explanation in the search, and for what is said; share of the way that is made: else it sticks.
-_DRAWS_IN_SEARCH, _DRAWS_SAID, _FOLLOWED = 2, 4, 0.5
+#: Plants of each explanation in the search, and for what is said.
+_DRAWS_IN_SEARCH, _DRAWS_SAID = 2, 4
 
 Report = Callable[[str, float], None]
 
@@ -129,7 +129,7 @@ class _Asked:
         impossible += more
         if not (measure.open or targets.unknown):
             return self._answer(None, measure, measure.expected(measure.nothing), impossible)
-        measure = measure.sized_by([one.products for one in library])
+        measure = measure.sized_by([(1.0 / one.part.seconds) * one.products for one in library])
         seconds, parts, cost = _enough(measure, room, wanted, library, report)
         report("under the loop", 0.8)
         found, smallest, lost = self._verified(measure, parts, impossible)
@@ -166,7 +166,7 @@ class _Asked:
         kept = verified(targets, plants, led, parts, room, loops, allowed)
         whole, first = TIMES * kept.parts, kept.runs[0, 0, 0]
         like, position = measure.like, joined(whole, room)
-        if np.ptp(first.path.position) < _FOLLOWED * np.ptp(position):
+        if np.ptp(first.path.position) < FOLLOWED * np.ptp(position):
             raise TooNarrowError("within the limits u does not break friction away", "widen --limit u")
         if not as_logged(like.template, first.path, first.u, like.rest_speed).pieces[0]["velocity"].any():
             raise TooNarrowError("within the limits a motion is so small that no sensor shows it", "widen them")
@@ -224,8 +224,7 @@ def _enough(
     """(first length that is enough, or the last; different parts of it; length -> smallest nats, of several)."""
     found, cost = [], {}
     for i, seconds in enumerate(wanted.seconds):
-        if i:  # parts are as long as the plan asks
-            library = library_of(measure, room, seconds)
+        library = library_of(measure, room, seconds) if i else library  # parts are as long as the plan asks
         parts = optimised(measure, room, seconds, library)
         paths, most = {0: Path.of(joined(TIMES * parts, room), room.step)}, room.limits.u
         found.append(parts)

@@ -227,8 +227,7 @@ def variance_of(normal: Array, slope: Array) -> float:
     """Of a value per variance of a row, by the inverse of the normal matrix."""
     size = np.sqrt(np.maximum(np.diag(normal), 1e-300))
     inverse = np.linalg.pinv(normal / np.outer(size, size), rcond=1e-10, hermitian=True)
-    found = float((slope / size) @ inverse @ (slope / size))
-    return max(found, 1e-300)
+    return max(float((slope / size) @ inverse @ (slope / size)), 1e-300)
 
 
 def at_rest(s: Stretch, effects: EffectValues, plant: PlantModel) -> Array:

@@ -23,8 +23,9 @@ from dsd_cli.signals.log import Array
 #: By how much a part shrinks at least and at most that broke a limit under the loop, how often, and the share of its
 #: size in which any explanation must be able to move the axis.
 _SHRINK, _SHRINK_MOST, _SHRINKS, GENTLE = 0.9, 0.5, 12, 0.05
-#: Share of a limit that a smaller part aims at; s between samples by which draws are compared.
-_KEPT, _COARSE = 0.97, 0.02
+#: Share of a limit that a smaller part aims at; s between samples by which draws are compared; share of the way that is
+#: made: else the axis sticks.
+_KEPT, _COARSE, FOLLOWED = 0.97, 0.02, 0.5
 
 #: Place of an explanation, of one of its draws (`Targets.grown` behind them), and of a loop. The first loop runs the
 #: fitted plant (0) and the draw that needs most u; the last one the draw for which the feedforward lacks most, and the
@@ -66,19 +67,21 @@ def verified(
     order = [k for i, k in enumerate(plants) if not any(k[2] == o[2] and plants[k] == plants[o] for o in [*plants][:i])]
     order.sort(key=lambda k: any(get_effect(name).memory for name in plants[k].effects))  # slow ones last, at first
     wide, lost, unstable, names = parts, list[str](), list[str](), [e.name for e in targets.explanations]
-    last, loop = dict[Key, dict[int, tuple[float, float]]](), loops[0]
+    last, broke, loop = dict[Key, dict[int, tuple[float, float]]](), dict[Key, Run](), loops[0]
     run = lru_cache(len(order))(lambda k, x: run_loop(plants[k], loops[k[2]], _planned(led, x, room, loop), allowed))
     for _ in range(_SHRINKS * len(order)):
-        runs, why, narrow = dict[Key, Run](), "", set[str]()
+        runs, why, narrow, way = dict[Key, Run](), "", set[str](), FOLLOWED * np.ptp(joined(parts, room))
         try:  # who broke a limit will most likely do so in the first half
             for key, times in [*((k, 1) for k in order[:1] if last), *((k, TIMES) for k in order)]:
-                runs[key] = run(key, times * parts)
-                if runs[key].exceeded(allowed):
+                now = runs[key] = run(key, times * parts)
+                sticks = key in last and not key[1] and np.ptp(now.path.position) < way
+                if sticks or now.exceeded(allowed):
                     break
             else:
                 return Verified(parts, runs, tuple(lost), tuple(dict.fromkeys(unstable)))
+            runs[key] = broke[key] = broke[key] if sticks else runs[key]  # it keeps them only where it does not move
             smaller = _smaller(parts, runs[key], room, allowed, last.setdefault(key, {}))
-            if all(now.scale >= GENTLE * first.scale for now, first in zip(smaller, wide, strict=True)):
+            if not sticks and all(x.scale >= GENTLE * first.scale for x, first in zip(smaller, wide, strict=True)):
                 parts, order = smaller, order[order.index(key) :] + order[: order.index(key)]  # who kept more: last
                 continue
             narrow = runs[key].exceeded(allowed).keys() - runs[key].exceeded(room.reached or allowed).keys()
@@ -94,15 +97,13 @@ def verified(
             continue
         if key[0] == 0 or any(key[0] in pair for pair in targets.pairs):
             break
-        order = [k for k in order if k[0] != key[0]]
-        lost.append(names[key[0]])
+        order, lost = [k for k in order if k[0] != key[0]], [*lost, names[key[0]]]
         unstable += [f"{why} with {name} as the plant"] if why else []
     if why:
         raise DataError(f"{why} with {name} as the plant", "set [simulate.controller] to gains that hold this axis")
     broken = ", ".join(f"{name} ({100.0 * by:.0f} % beyond)" for name, by in runs[key].exceeded(allowed).items())
-    raise (TooNarrowError if narrow else DataError)(
-        f"no motion keeps the limits with every likely plant: {broken}", "widen that limit, or move --start"
-    )
+    said = f"no motion keeps the limits with every likely plant: {broken}", "widen that limit, or move --start"
+    raise (TooNarrowError if narrow else DataError)(*said)
 
 
 def _planned(led: PlantModel, parts: Sequence[MotionSegment], room: Room, loop: Loop) -> tuple[Path, Array]:
