@@ -75,7 +75,7 @@ def with_driven_load(
             moved = equations_of(_with(measured, channels, (term.id, share, coupling)), startup, measured.bands)
             known = len(moved.kept) > len(measured.kept) // 2  # else it remembers too long where it began
             rest = _left(moved, model) if known and np.mean(moved.kept) > POLICY.least_moving else math.inf
-            if rest < (POLICY.driven_gain * (1.0 - share)) ** 2 * left:
+            if rest < (POLICY.driven_gain * (1.0 - share)) ** 2 * left:  # of what is missing a load takes its share
                 best, left = moved.recordings, rest
     return best
 

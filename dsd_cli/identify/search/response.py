@@ -132,7 +132,7 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     target = fresh(signals.target)
     if not _enough(gains(left(fresh(rigid), target), left(fresh(modes.columns(at)), target))):
         return unseen
-    tied = play is not None and play.told and not _agreed(gains(play.rest, play.rival))
+    tied = play is not None and play.gapped and not _agreed(gains(play.rest, play.rival))
     fall, nats = _fall(rival, swinging), float(over_rigid.sum())
     if PLAY in asked and correlated and fall < POLICY.response_fall:
         return replace(unseen, rattles=True)
@@ -178,13 +178,13 @@ def _swinging(search: Search, whole: Fit) -> _Look | None:
 
 @dataclass(frozen=True)
 class _Found:
-    """The play that explains most, its model, what it leaves and its rival does. told : from a spring, by its gap."""
+    """The play that explains most, its model, what it leaves and its rival does. gapped : it differs from a spring."""
 
     values: dict[str, tuple[float, float]]
     model: PlantModel
     rest: Array
     rival: Array
-    told: bool
+    gapped: bool
     certain: bool
 
     @property

@@ -80,7 +80,9 @@ def test_what_the_controller_answers_bends_least_squares_and_not_the_instruments
     assert said.severity == "warning"
     inertia = found["inertia"]
     assert inertia.identified == "weak"  # so that no fit takes it for certain
-    assert said.remedy.endswith(f"finds none of these missing: --prior inertia={inertia.value:.4g}+-{inertia.std_error:.2g}")
+    assert said.remedy.endswith(
+        f"finds none of these missing: --prior inertia={inertia.value:.4g}+-{inertia.std_error:.2g}"
+    )
     delay = found["delay"]  # by the reference 0.04 to 0.08 s uncertain: least squares need not be wrong
     assert delay.leaning is None
     assert "delay" not in said.what
