@@ -30,6 +30,12 @@ _TO_SETTLE = {
     "position": "log another sensor's speed beside it, or look up how late the sensor is; steps of u do not show it",
 }
 
+#: Volts or a duty below which a drive or a valve does nothing, where the axis is nearly all friction.
+_DEAD_ZONE = (
+    "coulomb_friction, or a dead zone of the drive: indistinguishable where u has the sign of the motion nearly all the"
+    " time; a weight that moves the axis against u, or faster reversals, would show which"
+)
+
 
 def verdict_line(result: Diagnosis, given: PlantModel | None = None) -> str:
     """The verdict in one plain sentence; `given`: the model whose inertia or delay may be wrong."""
@@ -108,10 +114,12 @@ def once_late(checked: Iterable[str], found: Iterable[str]) -> tuple[str, ...]:
 
 def advice_of(result: Diagnosis) -> tuple[str, ...]:
     """What to do next, the most useful first: where u may be late or the only channel of the motion, what shows it."""
-    channel = only_channel(result.provenance)
-    if not channel or not any(map(delays_command, (result.verdict, *result.found))):
-        return result.advice
-    return (f"is u late, or the measured {channel}? {_TO_SETTLE[channel]}", *result.advice)
+    channel, named = only_channel(result.provenance), (result.verdict, *result.found)
+    late = bool(channel) and any(map(delays_command, named))
+    settle = (f"is u late, or the measured {channel}? {_TO_SETTLE[channel]}",) if late else ()
+    # sgn u is sgn v where friction is nearly all of u
+    alike = "coulomb_friction" in named and result.inverse and not result.units.is_force
+    return (*settle, *((_DEAD_ZONE,) if alike else ()), *result.advice)
 
 
 #: Below this probability no effect is named as one that may be missing.

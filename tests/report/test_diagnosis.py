@@ -86,6 +86,14 @@ def test_what_makes_u_late_may_be_of_the_only_motion_channel(channels: dict[str,
         assert to_json(DiagnosisReport(one, GIVEN))["advice"] == list(DIAGNOSIS.advice)
 
 
+def test_where_an_axis_is_all_friction_a_dead_zone_of_volts_looks_like_coulomb_friction() -> None:
+    volts, forces = Units("V"), Units("N m")
+    creeping = replace(DIAGNOSIS, inverse=True, units=volts)
+    assert "or a dead zone of the drive" in to_json(DiagnosisReport(creeping, GIVEN))["advice"][0]
+    for one in (replace(creeping, units=forces), replace(creeping, inverse=False)):
+        assert not any("dead zone" in said for said in to_json(DiagnosisReport(one, GIVEN))["advice"])
+
+
 def test_a_doubtful_name_has_the_likelier_force_without_one_beside_it() -> None:
     doubtful = replace(DIAGNOSIS, probability=0.27, unexplained=Unexplained(0.1, 0.9, ("position",)))
     assert (
