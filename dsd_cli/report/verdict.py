@@ -32,8 +32,8 @@ _TO_SETTLE = {
 
 #: Volts or a duty below which a drive or a valve does nothing, where the axis is nearly all friction.
 _DEAD_ZONE = (
-    "coulomb_friction, or a dead zone of the drive: indistinguishable where u has the sign of the motion nearly all the"
-    " time; a weight that moves the axis against u, or faster reversals, would show which"
+    ", or a dead zone of the drive: indistinguishable where u has the sign of the motion nearly all the time; a weight"
+    " that moves the axis against u, or faster reversals, would show which"
 )
 
 
@@ -118,8 +118,10 @@ def advice_of(result: Diagnosis) -> tuple[str, ...]:
     late = bool(channel) and any(map(delays_command, named))
     settle = (f"is u late, or the measured {channel}? {_TO_SETTLE[channel]}",) if late else ()
     # sgn u is sgn v where friction is nearly all of u
-    alike = "coulomb_friction" in named and result.inverse and not result.units.is_force
-    return (*settle, *((_DEAD_ZONE,) if alike else ()), *result.advice)
+    effects = (n for n in named if n not in (NONE, UNKNOWN, INERTIA, DELAY))
+    rubs = next((n for n in effects if get_effect(n).role is Role.FRICTION), "")
+    alike = rubs and result.inverse and not result.units.is_force
+    return (*settle, *((rubs + _DEAD_ZONE,) if alike else ()), *result.advice)
 
 
 #: Below this probability no effect is named as one that may be missing.

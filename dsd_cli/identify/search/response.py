@@ -47,7 +47,6 @@ class Response:
     """What a look at the response came to.
 
     seen : None where it shows no load for certain.
-    silent : what the mode that explains most leaves is correlated: nothing is said of a load by its not being seen.
     rattles : play explains much of it, but no simulation follows the load well enough to be certain of it.
     line_hz : of a push at one frequency above the band, all along; NaN where there is none.
     """
@@ -55,7 +54,6 @@ class Response:
     seen: Seen | None
     rattles: bool = False
     line_hz: float = math.nan
-    silent: bool = False
 
 
 def response_of(search: Search, whole: Fit, asked: Sequence[str], doubtful: bool) -> Response | None:
@@ -122,7 +120,7 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     if play is not None and play.certain:
         return Response(play.seen(highest))
     correlated = correlation_time(swinging) > POLICY.response_correlated
-    unseen = Response(None, play is not None and play.rattles, silent=correlated)
+    unseen = Response(None, play is not None and play.rattles)
     inside = frequency < highest  # further out it is how the log samples u
     if COUPLING not in asked or not (
         inside and _agreed(over_rigid) and is_a_load(values["load_share"][0]) and damping < POLICY.response_damping

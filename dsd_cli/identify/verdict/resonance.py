@@ -101,7 +101,7 @@ def with_response(search: Search, whole: Fit, task: Task, doubtful: bool) -> Res
     seen = response.seen
     unchanged = replace(unchanged, rattles=response.rattles, line_hz=response.line_hz)
     if seen is None:
-        return _without_load(unchanged, task, response.silent)
+        return _without_load(unchanged, task)
     if not math.isnan(seen.off):
         return _with_contacts(replace(unchanged, rattles=doubtful), seen, task)
     known = replace(settings, known=settings.known.seeing(seen.effect, seen.values, {}))
@@ -152,12 +152,11 @@ def _needed(beside: Search, whole: Fit, model: PlantModel) -> tuple[str, ...]:
     return tuple(t.id for t in lacking if needed(t))
 
 
-def _without_load(found: Resonance, task: Task, silent: bool) -> Resonance:
-    """A load that the balance found and the response does not show is none: it followed the noise of the sensor.
+def _without_load(found: Resonance, task: Task) -> Resonance:
+    """A load that the balance found and the response does not show is none where it may have followed the sensor.
 
-    A silent response is no evidence: an axis that friction holds now and then has no linear one, and forces that no
-    law describes are in it as well. Then blocks that were held out decide between the load and the best set without
-    one, and it must take off more than is left with it: noise, and forces of which a load might follow any part.
+    An axis that friction holds now and then has no linear response, and forces that no law describes are in it as well.
+    So one stays that takes off more than the sensor leaves, and than is left with it: it might follow any part of that.
     """
     search, whole = found.search, found.whole
     if not any(t.id in SHOWN for t in search.added(whole.terms)):
@@ -166,7 +165,8 @@ def _without_load(found: Resonance, task: Task, silent: bool) -> Resonance:
     without, best = searched(replace(task, settings=settings))
     rest, rmse = search.fit(best.terms, best.tap), search.problem.errors.rmse
     taken = rmse(rest) ** 2 - rmse(whole) ** 2
-    if silent and taken > rmse(whole) ** 2 and search.matters(rest, whole):
+    other = max(rmse(whole), POLICY.floor_factor * search.problem.floor)
+    if taken > other**2 and search.matters(rest, whole):
         return replace(found, rattles=False)  # it is found; what the response leaves need not be its play
     return replace(found, search=without, whole=best, settings=settings)
 
