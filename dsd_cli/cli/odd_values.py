@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from dsd_cli.files.config.signals import Signals
@@ -15,6 +17,13 @@ def zero_offsets(log: Log, signals: Signals) -> list[Finding]:
     """Channels that rest at what may be the zero of their sensor; u holds a weight there as well."""
     found = [(name, zero_offset(log[name])) for name in ("u", "velocity") if name in log]
     factor, off = signals.factors(), signals.offsets()
+
+    def in_column(name: str, zero: float) -> float:
+        """To 1e-4 of the range: of an analogue input of 24 bits the zero has more digits than the signal."""
+        scale = factor.get(name, 1.0)
+        span = float(np.ptp(log[name])) / abs(scale)
+        return round(zero / scale + off.get(name, 0.0), 4 - math.floor(math.log10(span)))
+
     return [
         Finding(
             f"{name} never comes to 0, begins at {zero:.4g} and goes to both sides of it:"
@@ -22,7 +31,7 @@ def zero_offsets(log: Log, signals: Signals) -> list[Finding]:
             name,
             "note",
             0.8,
-            f"if of the sensor, set signals.{name}_offset = {zero / factor.get(name, 1.0) + off.get(name, 0.0):.4g}",
+            f"if of the sensor, set signals.{name}_offset = {in_column(name, zero):.12g}",
         )
         for name, zero in found
         if zero is not None

@@ -78,7 +78,6 @@ def load_recording(
         progress(f"looking at {PurePath(path).name}")
     loaded, noisy = on_its_clock(loaded)
     checked = _checked(loaded, config)
-    _one_sign(loaded.log, checked)
     loaded, late = _without_late(loaded, checked)
     try:
         recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
@@ -124,15 +123,6 @@ def _as(taken: Callable[[Log, tuple[int, ...]], Updated], loaded: LoadedLog) -> 
     found = taken(loaded.log, loaded.restarts)
     said = (found.said,) if found.said else ()
     return replace(loaded, log=found.log, restarts=found.restarts, warnings=(*loaded.warnings, *said))
-
-
-def _one_sign(log: Log, checked: CheckResult) -> None:
-    """Raises DataError where a d_hat is logged that its u and motion contradict: that answers nothing."""
-    from dsd_cli.errors import DataError
-
-    first = checked.errors[0] if "d_hat" in log and checked.errors else None
-    if first is not None and (first.channel == "d_hat" or any(factor < 0.0 for _, factor in first.multiply)):
-        raise DataError(f"{log.source}: {first.what}", f"set {first.remedy}")
 
 
 def _checked(loaded: LoadedLog, config: Config) -> CheckResult:

@@ -156,6 +156,8 @@ class Policy:
     creep_share: float = 1e-3  # of the rms speed, up to which a sticking axis may creep
     presliding_share: float = 0.01  # of it, up to which friction may not have reached its level, if that lasts a row
     clear_acceleration: float = 0.12  # of the rms of u: noise of J a above which the smoothed speed's slope is taken
+    clear_signs: float = 8.0  # standard errors from which on a sign counts
+    correlated_samples: float = 50.0  # of d_hat that count as one, for that
 
     # -- smoothing --
     smoothing_growth: float = 1.1  # of what a window removes over narrower ones, from which on it removes signal

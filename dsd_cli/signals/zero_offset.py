@@ -19,7 +19,7 @@ def zero_offset(x: Array) -> float | None:
     begin, span = x[:FIRST], high - low
     if not span > 0.0:  # it does not move, or has no number somewhere
         return None
-    rest = float(np.median(begin))
+    rest = float(np.mean(begin))
     if low <= 0.0 <= high or np.ptp(begin) > STILL * span or min(rest - low, high - rest) < EITHER_SIDE * span:
         return None
     return rest

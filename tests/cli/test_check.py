@@ -146,23 +146,6 @@ def test_strict_is_exit_3_with_an_error_only(rig):
     assert strict.stderr == "dsd: error: turned.csv: u has the other sign than the motion it causes\n"
 
 
-@pytest.mark.parametrize(
-    ("key", "said"),
-    [
-        ("observer.sign", "d_hat has the other sign"),
-        ("signals.u_sign", "u has the other sign"),
-        ("signals.velocity_scale", "velocity: the other sign"),
-    ],
-)
-def test_other_commands_refuse_a_d_hat_that_u_and_motion_contradict(key, said, rig):
-    told = ("compare", "log.csv", "--set", 'signals.position=""')
-    assert dsd(*told, cwd=rig).returncode == 0
-    refusal = dsd(*told, "--set", f"{key}=-1", cwd=rig)
-    assert refusal.returncode == 1
-    assert said in refusal.stderr
-    assert f"set {key} = " in refusal.stderr
-
-
 def test_signals_alone_are_enough(rig):
     found = checked("log.csv", "-c", "signals.toml", cwd=rig)
     assert [one["name"] for one in found["parameters"]] == ["inertia", "delay"]

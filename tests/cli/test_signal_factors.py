@@ -167,6 +167,10 @@ def test_a_sensor_zero_is_said_with_its_key_and_taken_off(tmp_path):
     t = np.arange(8000) * 0.001
     current = (np.sin(8.2 * t) + 0.5 * np.sin(19.5 * t)) * (t > 0.5)
     velocity = np.append(0.0, np.cumsum(0.3 * current / 0.02)[:-1] * 0.001)
+    counts = np.round(8388608.0 + 20000.0 * current)  # of an analogue input of 24 bits
+    write(tmp_path, "counts.csv", {"t": t, "current": counts, "velocity_rad_s": velocity})
+    assert "signals.u_offset = 8388608\n" in done("init", "counts.csv", cwd=tmp_path).stderr
+    (tmp_path / "dsd.toml").unlink()
     write(tmp_path, "log.csv", {"t": t, "current_V": 1.65 + current / 2.0, "velocity_rad_s": velocity})
     said = done("init", "log.csv", cwd=tmp_path).stderr
     assert "signals.u_offset = 1.65" in said

@@ -71,9 +71,9 @@ def test_functions_of_time_are_known_as_such() -> None:
 def test_no_law_is_replaced_by_a_line_in_time(monkeypatch: pytest.MonkeyPatch) -> None:
     """However much it gains: of a motion that is a few sines every law is a few lines."""
     search = posed({"viscous_friction": {"coefficient": 0.05}}, ("viscous_friction", "periodic_disturbance"))
-    line = Term.of("periodic_disturbance", {"frequency": 0.9})
-    for term, named in ((line, None), (Term("viscous_friction"), "viscous_friction")):
-        monkeypatch.setattr(search, "_at_best_starts", lambda _, term=term: [(1e6, search.refit.tap, term)])
+    for likely, named in (("periodic_disturbance", None), ("viscous_friction", "viscous_friction")):
+        scan = SimpleNamespace(gain=lambda t, keep, likely=likely: (1e6 * (t.id == likely), search.refit.tap))
+        monkeypatch.setattr(search, "scan", lambda *_, scan=scan: scan)
         found = search.challenger(search.refit, "coulomb_friction", 1.0)
         assert (found and found.effect) == named
 

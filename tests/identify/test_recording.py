@@ -200,6 +200,32 @@ def test_too_few_samples_are_an_error(rows):
         prepare(log, OBSERVER)
 
 
+@pytest.mark.parametrize("names", [("d_hat", "velocity"), ("d_hat", "velocity", "position")])
+@pytest.mark.parametrize(
+    ("turned", "said"),
+    [
+        (("d_hat",), "set observer.sign"),
+        (("u",), "u has the other sign"),
+        (("velocity", "position"), "velocity or position has the other sign"),
+    ],
+)
+def test_a_wrong_sign_is_seen_and_named(noisy, names, turned, said):
+    log = only(noisy, *names)
+    wrong = {name: -x if name in turned else x for name, x in log.channels.items()}
+    with pytest.raises(DataError, match=said) as error:
+        prepare(replace(log, channels=wrong), OBSERVER)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("noise", [0.0, 0.05, 5.0])
+def test_right_signs_are_never_refused(exact, noise):
+    for seed in range(5):
+        rng = np.random.default_rng(seed)
+        loud = {n: exact[n] + noise * np.std(exact[n]) * rng.normal(size=len(exact)) for n in ("d_hat", "velocity")}
+        log = only(exact, "d_hat", "velocity")
+        assert prepare(replace(log, channels={**log.channels, **loud}), OBSERVER).samples == len(log)
+
+
 def test_jittered_stamps_are_put_onto_a_regular_clock(exact):
     """The motion between the samples is that of the axis, to the accuracy of a spline over its bends."""
     rng = np.random.default_rng(1)

@@ -75,8 +75,9 @@ def with_driven_load(
             moved = equations_of(_with(measured, channels, (term.id, share, coupling)), startup, measured.bands)
             known = len(moved.kept) > len(measured.kept) // 2  # else it remembers too long where it began
             rest = _left(moved, model) if known and np.mean(moved.kept) > POLICY.least_moving else math.inf
-            # a load takes its share of what is missing, too: but for noise of the motor, 1 - share of that is left
-            fair = 1.0 if rest < ((1.0 - share) * floor) ** 2 else 1.0 - share
+            # what is missing drives a simulated load, too: but for noise of the motor, 1 - share of that is left
+            whole = channels_of is _by_contacts or rest < ((1.0 - share) * floor) ** 2
+            fair = 1.0 if whole else 1.0 - share
             if rest < (POLICY.driven_gain * fair) ** 2 * left:
                 best, left = moved.recordings, rest
     return best

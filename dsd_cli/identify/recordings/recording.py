@@ -19,7 +19,7 @@ from dsd_cli.effects.memory import Coupling
 from dsd_cli.errors import DataError, TooShort
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.reconstruction import drift
-from dsd_cli.identify.recordings.sensor import Sensor, net_force, with_acceleration
+from dsd_cli.identify.recordings.sensor import Sensor, check_signs, net_force, with_acceleration
 from dsd_cli.identify.recordings.smoothing import Smoothed, channel_noise, noise_of, regularised, smooth, widened
 from dsd_cli.identify.recordings.spectrum import NOTHING_LOST, Lost, cycle_of, lost_motion
 from dsd_cli.plant.model import ObserverSettings
@@ -114,6 +114,7 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
             provenance["d_hat"] = f"logged, made with {log.metadata[D_HAT_MAKER]}"
         if observer.sign < 0:
             pieces = [with_channels(piece, d_hat=-piece["d_hat"]) for piece in pieces]
+        check_signs(pieces, replace(observer, sign=1), log.source)
     else:
         pieces = [observe_log(piece, replace(observer, sign=1)) for piece in pieces]
         provenance["d_hat"] = f"computed from {pieces[0].d_hat_source}"
