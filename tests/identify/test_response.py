@@ -365,6 +365,31 @@ def test_beside_a_lag_a_load_is_driven_by_the_delay_that_was_found_with_it(monke
     assert set(asked[0].effects) == {"backlash", "actuator_lag"}
 
 
+@pytest.mark.parametrize(
+    ("without", "beside", "sure", "stays"),
+    [
+        (14.8, 4.2, True, True),  # a belt with dry friction, which has no linear response
+        (14.8, 4.2, False, False),
+        (1.25, 0.4, True, False),  # the sensor leaves 1.2: what the load took may be that
+        (14.8, 11.0, True, False),  # it might follow any part of what is left
+    ],
+)
+def test_a_load_without_a_response_stays_where_it_can_be_no_noise(without, beside, sure, stays, monkeypatch):
+    whole, best = (SimpleNamespace(terms=(), tap=0, left=left) for left in (beside, without))
+    problem = SimpleNamespace(floor=0.75, errors=SimpleNamespace(rmse=lambda fit: fit.left))
+    search = SimpleNamespace(
+        allowed=LOADS,
+        problem=problem,
+        added=lambda _: [Term("flexible_coupling")],
+        fit=lambda *_: best,
+        matters=lambda *_: sure,
+    )
+    monkeypatch.setattr(resonance, "searched", lambda _: (search, best))
+    task = Task((), PlantModel(1.0, 0.0, {}), Settings())
+    found = resonance.Resonance(search, whole, Settings(), None, rattles=True)
+    assert resonance._without_load(found, task).whole is (whole if stays else best)
+
+
 def test_what_a_simulation_and_contacts_differ_by_is_in_the_error():
     """A contact with another damping than is simulated bends a gap by more than the simulation can know."""
     model = PlantModel(0.1, 0.0, {})

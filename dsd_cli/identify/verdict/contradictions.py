@@ -16,7 +16,6 @@ from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, UNKNOWN, Diagnosis, Estimate, Estimates, LogLevels
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.limits import asking_again
 from dsd_cli.identify.verdict.stability import no_surer
 
 #: The channel with which an inertia that is held wrongly errs.
@@ -151,7 +150,9 @@ def against_told(found: Diagnosis, search: Search, whole: Fit, asked: Settings) 
     if found.verdict != UNKNOWN or not kept:
         return found
     depends_on = (ACCELERATION,) if kept == (INERTIA,) else found.depends_on  # u and speed make up what J is off by
-    return replace(found, advice=(asking_again(kept),), depends_on=depends_on)
+    names = " and ".join(kept)
+    again = f"ask again without the given values of {names}: what the log gives then, and whether anything is missing"
+    return replace(found, advice=(again,), depends_on=depends_on)
 
 
 def kept_values(said: Iterable[str]) -> tuple[str, ...]:

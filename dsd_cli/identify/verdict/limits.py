@@ -145,12 +145,6 @@ def advice_for(
     return tuple(lines)
 
 
-def asking_again(kept: Sequence[str]) -> str:
-    """What to do where values are kept from where the log would have them."""
-    names = " and ".join(kept)
-    return f"ask again without the given values of {names}: what the log gives then, and whether anything is missing"
-
-
 def _look_at(depends_on: Sequence[str]) -> str:
     channels = [name for name in depends_on if name != GAIN]
     over = " and ".join(channels) or "time"

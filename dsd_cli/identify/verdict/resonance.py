@@ -164,9 +164,8 @@ def _without_load(found: Resonance, task: Task) -> Resonance:
     settings = replace(found.settings, effects=tuple(name for name in search.allowed if name not in SHOWN))
     without, best = searched(replace(task, settings=settings))
     rest, rmse = search.fit(best.terms, best.tap), search.problem.errors.rmse
-    taken = rmse(rest) ** 2 - rmse(whole) ** 2
     other = max(rmse(whole), POLICY.floor_factor * search.problem.floor)
-    if taken > other**2 and search.matters(rest, whole):
+    if rmse(rest) ** 2 - rmse(whole) ** 2 > other**2 and search.matters(rest, whole):
         return replace(found, rattles=False)  # it is found; what the response leaves need not be its play
     return replace(found, search=without, whole=best, settings=settings)
 
