@@ -72,7 +72,7 @@ class Design(NamedTuple):
 
 #: Columns before those of the effects.
 FIXED = 2
-#: Values of columns that are there for a while, the oldest of which go first: 32 MB.
+#: Rows of effects that are there for a while, the oldest of which go first: 32 MB a column of each.
 _RECENT = 1 << 22
 #: Of the coefficients: the inertia's, and the share of a further step of delay.
 INERTIA, SHARE = 0, 1

@@ -23,8 +23,8 @@ from dsd_cli.signals.once import once
 from dsd_cli.signals.passes import mixed
 from dsd_cli.signals.runs import runs
 
-#: Mean of sgn v from which on the direction is sure; rounds in which the weights are found, and the delay.
-_SURE, _ROUNDS, _DELAYS = 0.999, 3, 4
+#: Rounds in which the weights are found, and the delay.
+_ROUNDS, _DELAYS = 3, 4
 #: Least share of a step of delay beyond the whole steps, and the change of that share that ends the rounds.
 _CLEAR, _SETTLED = 0.25, 0.01
 
@@ -206,7 +206,7 @@ def uncertain(equations: Equations, creeping: bool = True, resting: bool = True)
         band, white = equations.bands[owner], np.abs(equations.whitening[owner])
         taps, a_row = np.abs(band.taps), 2 * band.step + 1
         band = replace(band, taps=taps / taps.sum())
-        doubt = (s.free == 0.0) | (np.abs(s.sign) < _SURE)
+        doubt = ~s.surely_sliding
         if creeping:
             doubt |= slow_spells(s.log["velocity"], POLICY.presliding_share, a_row)
         doubt &= resting | (s.free > 0.0)

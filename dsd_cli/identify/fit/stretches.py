@@ -69,6 +69,8 @@ def _stays(speed: Array, limits: Array, usual: float) -> bool:
 
 #: Standard deviations of the speed's noise beyond which the direction is certain.
 _CERTAIN = 4.0
+#: Mean of sgn v from which on the direction is sure.
+_SURE = 0.999
 #: Value in the middle of the interval between the inner two of four samples (exact for cubics).
 _MIDDLE_OF_FOUR = np.array([-1.0, 9.0, 9.0, -1.0]) / 16.0
 #: Cubic through the values at -1, 0, 1 and 2: the powers (columns) in the weight of each.
@@ -135,6 +137,11 @@ class Stretch:
         speed = self.log["velocity"]
         change = np.diff(speed, prepend=speed[0]) / self.log.sample_time
         return change, direction(speed, self.log["speed_noise"])
+
+    @property
+    def surely_sliding(self) -> NDArray[np.bool_]:
+        """Intervals in which friction's direction is sure."""
+        return (self.free > 0.0) & (np.abs(self.sign) >= _SURE)
 
     @property
     def acceleration(self) -> Array:

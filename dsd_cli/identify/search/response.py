@@ -249,10 +249,11 @@ def _told_model(look: _Look, play: Play, at: Array, delay: float, values: dict[s
 
 
 def _whatever_the_noise(signals: Signals, rival: Array) -> Callable[[Array], Array]:
-    """Takes out of rows what a line, and noise of any spectrum, explain of what the rival leaves."""
+    """Takes out of rows what a line, and noise of any spectrum, explain of what the rival leaves, and stops."""
     calm = without_line(signals, strongest_line(signals, rival))
     fresh = innovations(calm(rival), signals.step)
-    return lambda rows: fresh(calm(rows))
+    sliding = signals.sliding[-len(fresh(rival)) :]
+    return lambda rows: fresh(calm(rows))[sliding]
 
 
 def _agreed(by_block: Array) -> bool:

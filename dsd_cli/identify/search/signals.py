@@ -21,6 +21,7 @@ from dsd_cli.identify.fit.bank import INERTIA, SHARE, drive, has_friction, input
 from dsd_cli.identify.fit.row_weights import autocorrelation, inflation, linear_prediction
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.stretches import Stretch
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array
 
@@ -45,7 +46,7 @@ class Signals:
     force, shift : F = u(t - L) + forces per interval, and its change over a sample of delay; unit of u.
     given : per coefficient of the other effects, what F loses with it. target : whitened J a, kept rows of all
         stretches. inertia : that J.
-    kept : rows that count. white : the causal filter. step : s.
+    kept : rows that count. white : the causal filter. step : s. held : there is friction.
     """
 
     stretches: tuple[Stretch, ...]
@@ -57,6 +58,15 @@ class Signals:
     kept: list[NDArray[np.bool_]]
     white: Callable[[Array], Array]
     step: float
+    held: bool
+
+    @property
+    def sliding(self) -> NDArray[np.bool_]:
+        """Rows, shape (n,), without stops and turns, if they are many: where friction jolts, high up as well."""
+        sure = [s.surely_sliding | (not self.held) for s in self.stretches]
+        doubt, one = (self.rows([np.where(x, there, 1.0) for x in sure]) for there in (0.0, 1.0))
+        found = doubt <= POLICY.unsure_share * one
+        return found if found.mean() > POLICY.sure_part else found | True
 
     def rows(self, parts: Sequence[Array]) -> Array:
         """Per interval -> as the acceleration averages it, whitened, kept rows of all stretches."""
@@ -93,11 +103,11 @@ def signals_of(search: Search, fit: Fit, delay: float) -> Signals | None:
         rows = np.arange(len(net))
         kept.append((rows >= equations.startup + min(_FORGOTTEN / step, _MOST_FORGOTTEN * len(rows))) & (free > 0.0))
     inertia = float(fit.total[INERTIA])
+    white = _whitener(noise.kind, noise.pole, math.exp(-2.0 * math.pi * equations.band.hz * step))
     if sum(int(k.sum()) for k in kept) < _FEWEST or not inertia > 0.0:  # u turned round leaves no inertia
         return None
-    white = _whitener(noise.kind, noise.pole, math.exp(-2.0 * math.pi * equations.band.hz * step))
     target = _target(equations.stretches, kept, white, inertia)
-    return Signals(equations.stretches, force, shift, given, target, inertia, kept, white, step)
+    return Signals(equations.stretches, force, shift, given, target, inertia, kept, white, step, held)
 
 
 def softened(signals: Signals, hz: float) -> Signals:

@@ -11,15 +11,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 
-from dsd_cli.identify.fit.bank import SHARE, Terms, has_friction
+from dsd_cli.identify.fit.bank import SHARE, Terms
 from dsd_cli.identify.fit.blocks import condensed
 from dsd_cli.identify.fit.direction import LEAST_LATE, certainly_late, explains_most
-from dsd_cli.identify.fit.row_weights import many_sure, residual_of_u
+from dsd_cli.identify.fit.row_weights import residual_of_u
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
@@ -27,6 +27,7 @@ from dsd_cli.identify.recordings.excerpts import LATE, SMOOTHED, earlier, unfilt
 from dsd_cli.identify.recordings.recording import Mended, Recording
 from dsd_cli.identify.search.long_logs import posed
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.signals import delay_of, gains, innovations, left, signals_of
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
@@ -38,9 +39,6 @@ _MOST_LATE = 0.1
 _SHORTEST = 2.0
 #: Longest filter that is looked for, s.
 _LONGEST = 0.05
-#: Narrower bands in which a filter is asked for again, as a share, and by what share its time constant may differ
-#: there: what a controller makes of a coarse encoder is another one in each band.
-_BANDS, _SAME = (0.7, 0.85), 0.01
 
 
 class _Freed(NamedTuple):
@@ -91,7 +89,7 @@ def command_time(search: Search, whole: Fit, settings: Settings) -> CommandTime:
         return CommandTime()
     freed = _best_freed(search, whole.terms, whole.tap)
     if freed.tap > 0 or not _certain(search, freed):
-        return _behind_filter(search, whole, freed, settings)
+        return _behind_filter(search, whole, freed)
     residual = residual_of_u(whole, search.solver.bank)
     at_zero = whole.tap == 0 and float(whole.total[SHARE]) == 0.0
     free = search.problem.blocks.rows - len(whole.total)
@@ -104,19 +102,17 @@ def command_time(search: Search, whole: Fit, settings: Settings) -> CommandTime:
     moved = [earlier(r, math.ceil(freed.lead / step) * step) for r in recordings]
     there = posed(moved, search.problem.model, settings, 0.0)
     fit = there.refined(there.fit(whole.terms, there.refit.tap))
-    behind = _behind_filter(there, fit, _best_freed(there, fit.terms, fit.tap), settings)
+    behind = _behind_filter(there, fit, _best_freed(there, fit.terms, fit.tap))
     return behind if behind.smoothed else late
 
 
-def _behind_filter(search: Search, whole: Fit, freed: _Freed, settings: Settings) -> CommandTime:
-    """Smoothed, if a filter explains much of what all that was found leaves, alike in all bands. freed : that set with
-    the u that is earliest."""
+def _behind_filter(search: Search, whole: Fit, freed: _Freed) -> CommandTime:
+    """Smoothed, if a filter explains much of what a set leaves, in the motion as well. freed : with the earliest u."""
     added, residual = search.added(whole.terms), residual_of_u(whole, search.solver.bank)
     if (
         freed.tap == 0
         or not _certain(search, freed)
         or freed.lead < _SHORTEST * search.equations.sample_time
-        or _gain(search, whole, residual, freed) < POLICY.response_nats
         or freed.left > (1.0 - POLICY.clear_fall) ** 2 * float(residual @ residual)
     ):
         return CommandTime()
@@ -126,36 +122,29 @@ def _behind_filter(search: Search, whole: Fit, freed: _Freed, settings: Settings
         without = _best_freed(search, rest, whole.tap)
         if (without.left - freed.left) / search.noise.nats < search.price((term,)) + POLICY.least_gain:
             terms, freed = rest, without
-    # without what stood in for the filter, which takes more of it in one band than in another
-    if not _in_all_bands(search, search.fit(terms, whole.tap), settings, freed.lead):
+    if not _by_motion(search, search.fit(terms, whole.tap), freed):
         return CommandTime()
     step = search.solver.bank.tap_time
     constant = step / math.log1p(step / freed.lead)  # of a u that is held
     return CommandTime(0.0, constant, bool(added) and terms == whole.terms, _alike(search, terms, freed))
 
 
-def _gain(search: Search, whole: Fit, residual: Array, freed: _Freed) -> float:
-    """Nats that the earlier u gains: beside friction in rows whose direction is sure, if they are many. What a stop
-    leaves goes with du/dt."""
-    sure = many_sure(search.equations) if has_friction(whole.terms) else None
-    rows = search.equations.kept if sure is None else sure
-    before, after = residual[rows], freed.residual[rows]
-    return float(before @ before - after @ after) / search.noise.nats
+def _by_motion(search: Search, late: Fit, freed: _Freed) -> bool:
+    """Whether the motion after u shows the filter by no more than the past of each sample.
 
-
-def _in_all_bands(search: Search, whole: Fit, settings: Settings, lead: float) -> bool:
-    """Whether u comes as much earlier at lower frequencies alone, as a filter makes it.
-
-    A controller that differentiates a coarse position puts its steps into u, and the acceleration that is had from that
-    position has them as well: u then goes with du/dt, by another amount in each band.
+    A controller puts the steps of a coarse position into u, and the acceleration has them: in rows that look to both
+    sides u goes with du/dt. So does what a stop leaves.
     """
-    found = search.problem.scale.model(whole)
-    for share in _BANDS:
-        narrower = replace(settings, band=share * settings.band)
-        there = posed(search.problem.recordings, found, narrower, found.delay)
-        if not abs(_best_freed(there, there.base, there.refit.tap).lead - lead) < _SAME * lead:
-            return False
-    return True
+    part = search.excerpt or search
+    fit = part.fit(late.terms, late.tap)
+    plain, early = (signals_of(part, fit, d) for d in (delay_of(part, fit), freed.tap * part.solver.bank.tap_time))
+    if plain is None or early is None:
+        return False
+    rows = [np.column_stack([s.rows(x) for x in (s.force, s.shift, *s.given)]) for s in (plain, early)]
+    fresh = innovations(left(rows[0], plain.target), plain.step)
+    sliding = plain.sliding[-len(fresh(plain.target)) :]
+    nats = gains(*(left(fresh(x)[sliding], fresh(plain.target)[sliding]) for x in rows))
+    return float(nats.sum() - nats.max()) > POLICY.response_nats
 
 
 def _certain(search: Search, freed: _Freed) -> bool:
