@@ -47,21 +47,6 @@ def before_each(values: Array, before: float) -> Array:
     return np.concatenate([[before], values[:-1]])
 
 
-def rises(value: Any, rate: Any, bend: Any, most: Any) -> Any:
-    """When value + rate s + bend s^2 / 2 next rises through 0; `most` if it does not until then."""
-    square = rate * rate - 2.0 * bend * value
-    if square < 0.0:
-        return most
-    root = np.sqrt(square)
-    if rate > 0.0:
-        at = -2.0 * value / (rate + root)
-    elif bend == 0.0:
-        return most
-    else:
-        at = (root - rate) / bend
-    return at if 0.0 <= at < most else most
-
-
 class Coupling(NamedTuple):
     """Spring and damper between motor and load, per inertia of the load; with play a contact pushes and never pulls.
 
@@ -158,9 +143,11 @@ class Coupling(NamedTuple):
         """(flank that pushes next, when) of a load that is off; 0 if none does in what is left."""
         flank = -1.0 if q < 0.0 else 1.0
         depth, w, p = flank * q - self.half_gap, flank * v, flank * push
-        near, far = rises(depth, w, p, left), rises(-depth - 2.0 * self.half_gap, -w, -p, left)
+        near, far = self.rises(depth, w, p, left), self.rises(-depth - 2.0 * self.half_gap, -w, -p, left)
         if depth >= 0.0:  # it leaves, and may be pushed again before it is out
-            again = rises(self.square * depth + self.drag * w, self.square * w + self.drag * p, self.square * p, left)
+            again = self.rises(
+                self.square * depth + self.drag * w, self.square * w + self.drag * p, self.square * p, left
+            )
             if again < near and depth + again * (w + 0.5 * again * p) >= 0.0:
                 near = again
         if near < far:
@@ -174,8 +161,22 @@ class Coupling(NamedTuple):
         if after >= 0.0:
             return left
         rate = self.square * w + self.drag * (push - lighter * force)
-        found: float = rises(-force, -rate, 2.0 * (force + rate * left - after) / (left * left), left)
+        found: float = self.rises(-force, -rate, 2.0 * (force + rate * left - after) / (left * left), left)
         return found
+
+    def rises(self, value: float, rate: float, bend: float, most: float) -> float:
+        """When value + rate s + bend s^2 / 2 next rises through 0; `most` if it does not until then."""
+        square = rate * rate - 2.0 * bend * value
+        if square < 0.0:
+            return most
+        root = np.sqrt(square)
+        if rate > 0.0:
+            at = -2.0 * value / (rate + root)
+        elif bend == 0.0:
+            return most
+        else:
+            at = (root - rate) / bend
+        return at if 0.0 <= at < most else most
 
     def swung(self, push: float, lighter: float, h: float, q: float, v: float) -> tuple[float, float]:
         """(apart, closing) h later on spring and damper: the fourth order of Taylor, which Runge-Kutta's is, too."""

@@ -68,3 +68,9 @@ def test_what_a_branch_and_the_rest_need_is_computed_once() -> None:
     """The load behind a play is stepped on in a loop: once in each function, though friction asks for it at rest."""
     friction = get_target("c").write(joint("backlash")).decode().split("_friction(joint_effects")[-1].split("_init")[0]
     assert friction.count("for (int") == 2  # its steps, and the parts of one in which the contact begins or ends
+
+
+def test_instants_that_are_asked_for_after_each_other_are_each_solved_once() -> None:
+    """Not once for each case of those before: a load may touch either flank at three instants, and leave at one."""
+    friction = get_target("c").write(joint("backlash")).decode().split("_friction(joint_effects")[-1].split("_init")[0]
+    assert 2 * 3 + 1 <= friction.count("sqrt(") <= 2 * (2 * 3 + 1)  # a root has two forms, by the sign of the rate
