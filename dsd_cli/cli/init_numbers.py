@@ -16,7 +16,7 @@ from dsd_cli.cli.odd_values import zero_offsets
 from dsd_cli.cli.recordings import by_updates, on_its_clock, to_turn_u
 from dsd_cli.files.first_look import time_unit_of
 from dsd_cli.files.logs import LoadedLog
-from dsd_cli.identify.checks import CheckResult, check_log, without_late
+from dsd_cli.identify.checks import CheckResult, check_log, to_mend_first, without_late
 from dsd_cli.identify.checks.clock import jitter
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.clock import FASTEST, SLOWEST, TIME_SCALE, plain
@@ -51,7 +51,7 @@ def propose_numbers(
     out.put("observer", "time_constant", float(f"{5 * step:.3g}"), "5 samples; take your observer's if d_hat is logged")
     window = int(np.clip(round(WINDOW / step), FEWEST, MOST))
     out.put("detector", "window", window, f"{window * step:.3g} s")
-    found = (*checked.errors, *zero_offsets(log, signals_of(out)))
+    found = (*(checked.errors or to_mend_first(checked)), *zero_offsets(log, signals_of(out)))
     out.said += [f"{one.what}{'' if one.what.endswith('?') else ':'} {one.remedy}" for one in found]
     if _told(checked, "inertia") is None and not checked.errors:  # too little for the scan may do beside a model
         checked = check_log(log, PlantModel(1.0), None, loaded.restarts)

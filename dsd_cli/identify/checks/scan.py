@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.identify.checks.balance import Balance, Band, balance, find_band, speed_of, without
-from dsd_cli.identify.checks.stretches import LowPass, Stretch, cut
-from dsd_cli.identify.recordings.spectrum import repeats_after
+from dsd_cli.identify.checks.stretches import OVERSAMPLING, LowPass, Stretch, cut
+from dsd_cli.identify.recordings.spectrum import cycle_of
 from dsd_cli.signals.log import Array, Log
 
 #: Delays that are tried, s: u cannot be later than what it does, unless its clock is; networks delay by tenths.
@@ -24,8 +24,11 @@ BLOCKS = 16
 _COARSE, _FINE = 6.0, 25
 #: But no more than this share of the longest stretch; than the second where the first leaves too few rows.
 SHARES = 0.2, 0.05
-#: Of a cycle of the motion the share by which u may be later than what it does.
-_AHEAD = 0.25
+#: Half of all drives are quicker than this, s (a Cauchy distribution: networks are among them), and a u that is later
+#: than what it does is as rare as one that is so many times as much earlier.
+_USUAL, _AHEAD = 0.02, 3.0
+#: What interpolation and low-pass leave of u in any fit, as a share; with more rows than these errors are the model's.
+_RESOLVED, FEW = 1e-3, 200
 
 
 @dataclass(frozen=True)
@@ -40,6 +43,8 @@ class Scanned:
     weight : power of that, as a share of the power of u.
     rest : share of u that the whole fit leaves.
     inside : the best shift is not at an end of those that were tried.
+    belief : log of how likely this shift is times how well it explains u. A motion that comes again half a cycle later
+        with the other sign is explained as well by the other sign and so much more delay: the delay decides then.
     """
 
     inertia: float
@@ -50,6 +55,7 @@ class Scanned:
     weight: float
     rest: float
     inside: bool
+    belief: float
 
     @property
     def clearness(self) -> float:
@@ -57,35 +63,26 @@ class Scanned:
         return abs(self.inertia) / max(self.inertia_error, 1e-300)
 
 
-def reach(longest: float, cycle: float, share: float) -> tuple[float, float]:
-    """(s before, s after a row) within which u is needed, for a longest stretch of so many s.
-
-    cycle : s after which the motion repeats itself, and a delay beyond that suits as well: in all less is tried.
-    """
-    before = min(LATEST, share * longest, (1.0 - _AHEAD) * cycle)
-    return before, min(-EARLIEST, share * longest, _AHEAD * cycle)
-
-
 def scan(rows: Balance, cutoff: float) -> tuple[Scanned | None, Scanned | None]:
     """(best with J > 0, best with J < 0); None where no delay gives such a J.
 
-    Coarse delays first, then fine ones about the best of each sign.
+    Coarse delays first, then fine ones about each that is better than those beside it.
     """
     before, after = ((n - 1) * rows.T for n in rows.reach)
     a = without(rows.motion, rows.acceleration)
     coarse = np.linspace(-after, before, max(int(np.ceil((after + before) * _COARSE * cutoff)), 8))
     step, sums = float(coarse[1] - coarse[0]), _sums(rows, a, coarse)
 
-    def about(at: int) -> _Sums:
-        fine = np.clip(coarse[at] + step * np.linspace(-1.0, 1.0, _FINE), -after, before)
+    def about(at: NDArray[np.int64]) -> _Sums:
+        fine = np.clip(coarse[at, None] + step * np.linspace(-1.0, 1.0, _FINE), -after, before)
         return _sums(rows, a, np.unique(fine))
 
-    without_any = float(about(int(sums.unexplained.argmin())).unexplained.min())
+    without_any = float(about(np.atleast_1d(sums.unexplained.argmin())).unexplained.min())
     found: list[Scanned | None] = []
     for sign in (1.0, -1.0):
-        at = sums.best(sign)
-        inside = at is not None and 0 < at < coarse.size - 1
-        found.append(None if at is None else _best(about(at), sign, without_any, inside))
+        rest = np.pad(sums.rest(sign), 1, constant_values=np.inf)
+        lowest = np.flatnonzero((rest[1:-1] <= np.minimum(rest[:-2], rest[2:])) & np.isfinite(rest[1:-1]))
+        found.append(_best(about(lowest), sign, without_any, (-after, before), a.size) if lowest.size else None)
     return found[0], found[1]
 
 
@@ -123,19 +120,17 @@ class _Sums:
     def inertia(self) -> Array:
         return np.asarray(self.ua.sum(axis=0) / max(self.aa.sum(), 1e-300))
 
-    def best(self, sign: float) -> int | None:
-        """Index of the shift that leaves least of u with an inertia of that sign."""
-        inertia = self.inertia
-        possible = inertia * sign > 0.0
-        if not possible.any():
-            return None
-        rest = (self.uu.sum(axis=0) - inertia * self.ua.sum(axis=0)) / self.power
-        return int(np.where(possible, rest, np.inf).argmin())
+    def rest(self, sign: float) -> Array:
+        """Share of u that is left with an inertia of that sign, shape (shifts,); infinite where it has the other."""
+        rest = (self.uu.sum(axis=0) - self.inertia * self.ua.sum(axis=0)) / self.power
+        return np.where(self.inertia * sign > 0.0, np.maximum(rest, 0.0), np.inf)
 
 
-def _best(sums: _Sums, sign: float, without_any: float, inside: bool) -> Scanned | None:
-    at = sums.best(sign)
-    if at is None:
+def _best(sums: _Sums, sign: float, without_any: float, ends: tuple[float, float], rows: int) -> Scanned | None:
+    usual = -np.log1p((np.maximum(sums.shifts, -_AHEAD * sums.shifts) / _USUAL) ** 2)
+    belief = usual - 0.5 * min(rows, FEW) / OVERSAMPLING * np.log(sums.rest(sign) + _RESOLVED)
+    at = int(belief.argmax())
+    if not np.isfinite(belief[at]):
         return None
     inertia, total = float(sums.inertia[at]), float(sums.uu[:, at].sum())
     gained = inertia * float(sums.ua[:, at].sum())  # J^2 a a, whose square of J is no number for an axis at rest
@@ -150,7 +145,8 @@ def _best(sums: _Sums, sign: float, without_any: float, inside: bool) -> Scanned
         1.0 - rest / max(without_any, 1e-300),
         gained / float(sums.power[at]),
         rest,
-        inside,
+        bool(ends[0] < sums.shifts[at] < ends[1]),
+        float(belief[at]),
     )
 
 
@@ -210,8 +206,7 @@ class View:
 
     band : None if no channel shows an acceleration.
     cutoff : Hz, of `rows`, and of every comparison of channels.
-    cycle : s after which speed or u of the longest stretch repeats itself, be it with the other sign; infinite where
-        neither does.
+    cycle : s after which speed or u of the longest stretch repeats itself; infinite where neither does.
     rows : None without a band, without u, or where the axis hardly moves.
     forward, backward : best fits with J above and below 0.
     work : how clearly u drives the motion.
@@ -239,9 +234,9 @@ def look(log: Log, restarts: Sequence[int]) -> View:
     cutoff = min(band.cutoff, HIGHEST)
     longest = max((s for s in stretches if getattr(s, band.source) is not None), key=lambda s: s.t.size)
     keep = LowPass(longest.T, cutoff)
-    cycle = min(repeats_after(keep(x), longest.T) for x in (speed_of(longest, band), longest.u) if x is not None)
-    reaches = (reach(longest.t.size * longest.T, cycle, share) for share in SHARES)
-    tried = (balance(stretches, band, cutoff, one, cycle) for one in reaches)
+    cycle = min(cycle_of(keep(x), longest.T) for x in (speed_of(longest, band), longest.u) if x is not None)
+    most = (min(share * longest.t.size * longest.T, cycle) for share in SHARES)  # a cycle later all is the same again
+    tried = (balance(stretches, band, cutoff, (min(LATEST, s), min(-EARLIEST, s)), cycle) for s in most)
     rows = next((one for one in tried if one is not None), None)
     forward, backward = scan(rows, cutoff) if rows is not None else (None, None)
     drives = work(rows) if rows is not None else None

@@ -26,7 +26,7 @@ _MOST = 6000
 #: Products of a sum over the kernel, per sample of the stretch, that take no longer than a transform.
 _AS_LONG = 4
 #: Rows are kept at this many times the band's end.
-_OVERSAMPLING = 3.0
+OVERSAMPLING = 3.0
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class LowPass:
     @property
     def stride(self) -> int:
         """Samples from one row that says something new to the next."""
-        return max(int(1.0 / (_OVERSAMPLING * self.cutoff * self.T)), 1)
+        return max(int(1.0 / (OVERSAMPLING * self.cutoff * self.T)), 1)
 
     def kernel(self) -> Array:
         """Windowed sinc, shape (2 half + 1,), sum 1."""

@@ -11,7 +11,7 @@ from dsd_cli.identify.checks.channels import degrees, power_of_two
 from dsd_cli.identify.checks.disturbance import Observed, culprit
 from dsd_cli.identify.checks.fitted import Sides
 from dsd_cli.identify.checks.results import Excitation, Finding
-from dsd_cli.identify.checks.scan import Scanned, View, block_starts, jackknife
+from dsd_cli.identify.checks.scan import FEW, Scanned, View, block_starts, jackknife
 from dsd_cli.identify.results import INERTIA
 from dsd_cli.plant.model import PlantModel
 
@@ -107,13 +107,11 @@ def floor_of(view: View, sides: Sides | None) -> float | None:
 #: An inertia below 0 is believed from `CLEAR` standard errors on, where it explains this share of what friction and
 #: weight leave, and `WEIGHT` of all of u, ...
 EXPLAINED = 0.3
-#: ... and where an inertia above 0 leaves so much more at its best delay (a late u of the right sign looks the same
-#: where the motion is periodic).
-WORSE = 1.25
-#: In a log of fewer rows (each is half a period of the highest frequency) friction that turns and a u that is taken for
-#: late explain as much as an inertia below 0 does: it must explain this share of u, and one above 0 leave so much more,
-#: and standard errors are the less sure the fewer rows there are.
-FEW, WEIGHT_OF_FEW, WORSE_OF_FEW = 200, 0.02, 2.5
+#: ... and where that is so sure, of the two signs each with its likeliest delay, one of so many u being turned.
+SURE, TURNED = 0.9, 20.0
+#: In a log of fewer than `FEW` rows (each is half a period of the highest frequency) friction that turns explains as
+#: much as an inertia below 0 does, with a u that is taken for late: it must explain this share of u.
+WEIGHT_OF_FEW = 0.02
 #: Share of what friction and weight leave of u that an inertia explains which is not hidden by them.
 PLAIN = 0.8
 #: Work done by the motion on u is believed from so many standard errors, and this share of the power of u, on.
@@ -121,7 +119,7 @@ WORK_CLEAR, WORK_SHARE = 4.5, 0.03
 
 
 def sign_of_u(view: View) -> float:
-    """How sure it is that u has the other sign than the motion: 0 if it is not seen, else above 0.5.
+    """How sure it is that u has the other sign than the motion; below `SURE` it may be earlier instead.
 
     Two signs: an inertia below 0; and, where friction hides the inertia, a u that brakes at every delay that can be.
     """
@@ -141,7 +139,14 @@ def _rightly_driven(view: View) -> bool:
     right, turned = view.forward, view.backward
     if right is None or right.clearness < CLEAR or right.explained < PLAIN or right.weight < WEIGHT_OF_FEW:
         return False
-    return turned is None or turned.rest > WORSE * right.rest
+    return _surer(right, turned) > SURE
+
+
+def _surer(one: Scanned, other: Scanned | None) -> float:
+    """How sure a sign is that must be shown, over the other one at its likeliest delay."""
+    if other is None:
+        return 0.99
+    return min(1.0 / (1.0 + TURNED * math.exp(min(other.belief - one.belief, 99.0))), 0.99)
 
 
 def _few(view: View) -> float:
@@ -154,12 +159,10 @@ def _by_inertia(view: View) -> float:
     if turned is None or not turned.inside:
         return 0.0
     few = _few(view)
-    weight, worse = (WEIGHT_OF_FEW, WORSE_OF_FEW) if few > 1.0 else (WEIGHT, WORSE)
+    weight = WEIGHT_OF_FEW if few > 1.0 else WEIGHT
     if turned.clearness < CLEAR * few or turned.explained < EXPLAINED or turned.weight < weight:
         return 0.0
-    if right is not None and right.rest < worse * turned.rest:
-        return 0.0
-    return 0.99
+    return _surer(turned, right)
 
 
 #: Sizes explain a u that is a magnitude so much better, by so many standard errors; delays and rounds that are tried.
@@ -202,15 +205,20 @@ def check_signs(view: View, opposite: bool, d_hat: Observed | None, observer_sig
     source = view.band.source if view.band is not None else "position"
     if opposite:
         other = "velocity" if source == "position" else "position"
-        against_u = turned > 0.0 or blamed == "motion"
+        against_u = turned > SURE or blamed == "motion"
         return [_opposite(source if against_u else other, sure=against_u or _sees(view))]
     if blamed == "motion":
         both = [name for name in ("velocity", "position") if name in view.log]
         what = f"{' and '.join(both)}: the other sign than u and d_hat"
         return [Finding(what, source, "error", 0.95, multiply=tuple((name, -1.0) for name in both))]
-    if turned > 0.0 or blamed == "u":
+    if turned > SURE or blamed == "u":
         what = "u has the other sign than the motion it causes"
-        return [Finding(what, "u", "error", max(turned, 0.95), multiply=(("u", -1.0),))]
+        return [Finding(what, "u", "error", turned if turned > SURE else 0.95, multiply=(("u", -1.0),))]
+    if turned > 1.0 - SURE and view.forward is not None and not (d_hat is not None and d_hat.clear):
+        what = f"u has the other sign than the motion it causes, or a delay of {view.forward.shift * 1e3:.3g} ms"
+        what = f"{what}: like any sine, this motion cannot say which"
+        remedy = "record a few different moves from rest as well; signals.u_sign turns u"
+        return [Finding(what, "u", "warning", turned, remedy, first=True)]
     return []
 
 

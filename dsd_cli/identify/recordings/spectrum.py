@@ -198,17 +198,6 @@ def cycle_of(speed: Array, sample_time: float) -> float:
     return float(gone[0] + first + int(np.argmax(later[first:last]))) * step * sample_time
 
 
-def repeats_after(x: Array, sample_time: float) -> float:
-    """s after which a signal is about the same again, or about the same with the other sign; infinite: it is never."""
-    cycle = cycle_of(x, sample_time)
-    half = round(0.5 * cycle / sample_time) if math.isfinite(cycle) else 0
-    if not half:
-        return cycle
-    later, before = _sized(x)[half:], _sized(x)[:-half]
-    turned = float(np.dot(later, before)) <= -POLICY.cycle_alike * float(np.linalg.norm(later) * np.linalg.norm(before))
-    return 0.5 * cycle if turned else cycle
-
-
 def _sized(x: Array) -> Array:
     """With 1 for its largest, whose squares are numbers."""
     return x / max(float(np.abs(x).max(initial=0.0)), 1e-300)

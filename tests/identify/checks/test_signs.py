@@ -89,6 +89,47 @@ def test_a_late_sine_is_no_turned_one():
         assert said(result, "sign") == []
 
 
+#: Motions that come again half a cycle later with the other sign, over their phase.
+SYMMETRIC = {
+    "sine": np.sin,
+    "square": lambda phase: np.where(np.sin(phase) >= 0.0, 1.0, -1.0),
+    "two sines": lambda phase: np.sin(phase) + 0.5 * np.sin(3.0 * phase),
+}
+
+
+def _free(u, late, ahead):
+    """A free mass of 1 behind a delay, integrated exactly: u is held; `ahead`: the speed is that after the interval."""
+    acts = np.concatenate([np.zeros(late), u])[: u.size]
+    velocity = np.cumsum(acts) * 0.001
+    return velocity if ahead else np.concatenate([[0.0], velocity[:-1]])
+
+
+def _signs_of(u, velocity):
+    t = np.arange(u.size) * 0.001
+    return said(check_log(Log({"t": t, "u": u, "velocity": velocity}, 0.001), with_values=False), "other sign")
+
+
+@pytest.mark.parametrize("name", SYMMETRIC)
+def test_a_right_u_of_a_symmetric_motion_is_never_surely_turned(name):
+    for rate, late, ahead in ((9.0, 0, True), (9.0, 0, False), (25.0, 60, False), (46.0, 60, False), (75.4, 0, True)):
+        u = SYMMETRIC[name](rate * np.arange(3000) * 0.001)
+        assert [one.what for one in _signs_of(u, _free(u, late, ahead)) if one.severity == "error"] == [], rate
+
+
+def test_a_sine_alone_cannot_say_a_sign_and_a_start_from_rest_can():
+    """A turned u, and the same u right and half a cycle late, are one log while the axis swings."""
+    t = np.arange(6000) * 0.001
+    swing = SYMMETRIC["two sines"](8.0 * np.pi * t)
+    (open_,) = _signs_of(-swing, _free(swing, 10, False))
+    assert (open_.severity, open_.first) == ("warning", True)
+    assert "cannot say" in open_.what
+    assert "from rest" in open_.remedy
+    assert _signs_of(swing, _free(swing, 10, False)) == []
+    started = np.concatenate([np.zeros(1000), swing[:5000]])
+    assert [one.severity for one in _signs_of(-started, _free(started, 10, False))] == ["error"]
+    assert _signs_of(started, _free(started, 10, False)) == []
+
+
 def test_an_overhauling_load_that_u_brakes_for_a_while_is_no_wrong_sign():
     """Lowering a weight, then lifting it: u holds against the weight throughout."""
     T, J, weight = 0.001, 0.2, 3.0
