@@ -109,7 +109,7 @@ def with_response(search: Search, whole: Fit, task: Task, doubtful: bool) -> Res
     there = model.changed(None, None, {seen.effect: values}) if seen.effect in model.effects else seen.model
     rest = replace(known, effects=tuple(name for name in search.allowed if name not in SHOWN))
     beside, all_of_it = searched(replace(task, model=there, settings=rest))
-    if _in_band(seen, search) and seen.effect in ids and not _better(unchanged, beside, all_of_it):
+    if _in_band(seen, search) and not ids.isdisjoint(SHOWN) and not _better(unchanged, beside, all_of_it):
         return unchanged
     if seen.effect in model.effects:
         return Resonance(beside, all_of_it, known, None)
