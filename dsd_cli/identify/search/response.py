@@ -142,11 +142,19 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
 
 
 def _steady_line(search: Search, look: _Look) -> float:
-    """Hz of a line above the band that pushes all along; an encoder's error is one at constant speed alone."""
-    signals = look.signals
+    """Hz of a line above the band that pushes all along; an encoder's error is one at constant speed alone.
+
+    What a sensor rounds off a motion that repeats is the same again a cycle later: lines at harmonics of it, of which
+    none has more than all that is rounded off, and as much as that is left beside it.
+    """
+    signals, equations = look.signals, search.equations
     rest = left(look.modes.rigid(), signals.target)
-    hz = strongest_line(signals, rest, search.equations.band.hz)
-    return hz if _agreed(gains(rest, without_line(signals, hz)(rest))) else math.nan
+    hz = strongest_line(signals, rest, equations.band.hz)
+    calm = without_line(signals, hz)(rest)
+    cycle, longest = equations.recordings[0].cycle, max(len(k) for k in signals.kept) * signals.step
+    harmonic = math.isfinite(cycle) and abs(math.remainder(hz * cycle, 1.0)) < 2.0 * hz * signals.step + cycle / longest
+    rounded = harmonic and rms(rest - calm) < rms(calm)
+    return hz if _agreed(gains(rest, calm)) and not rounded else math.nan
 
 
 def _swinging(search: Search, whole: Fit) -> _Look | None:
