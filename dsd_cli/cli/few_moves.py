@@ -31,5 +31,6 @@ def said_of_moves(recordings: Iterable[Recording]) -> tuple[str, ...]:
         moves += excitation(stretches, None, _CUTOFF / T).stretches
     if not 0 < moves < MOVES_PER_EFFECT:
         return ()
-    what = f"{moves} move{'' if moves == 1 else 's'}, and dsd check asks for {MOVES_PER_EFFECT} for each effect"
+    several = "" if moves == 1 else "s"
+    what = f"{moves} move{several} from rest to rest, and dsd check asks for {MOVES_PER_EFFECT} for each effect"
     return (f"{what}: what is said here was judged on the moves that it was fitted to, so record more of them",)

@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 
 from dsd_cli.effects import delays_command, get_effect
 from dsd_cli.effects.base import Role
+from dsd_cli.identify.fit.freeform import GAIN
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Candidate, Diagnosis
 from dsd_cli.identify.verdict.contradictions import kept_values
@@ -53,7 +54,7 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
             f" {held} is {error(result.refitted.heldout_rmse)} ({unit})"
         )
     if result.verdict == UNKNOWN:
-        on = f"; it depends on {listed(result.depends_on)}" if result.depends_on else ""
+        on = f"; it {_depends(result.depends_on)}" if result.depends_on else ""
         left = f"{held} is {error(result.refitted.heldout_rmse)} ({unit})"
         if kept := kept_values(result.warnings):
             return f"with {listed(kept)} as given, something is left that no effect explains{on} ({sure}): {left}"
@@ -136,6 +137,7 @@ def _with_the_set(result: Diagnosis, winner: Candidate) -> tuple[str, str]:
         return "", f"{alone} ({unit})"
     together = moves(result.refitted.heldout_rmse, result.whole_heldout_rmse)
     only = f"with {winner.effect} alone it {alone}"
+    only += ", for it shows only beside the others" if alone.startswith("rises") else ""
     # of several of a kind the ranking has the first alone
     likely = {one.effect: one.probability for one in result.ranking}
     likely |= {one.effect: one.probability for one in result.missing}
@@ -145,6 +147,12 @@ def _with_the_set(result: Diagnosis, winner: Candidate) -> tuple[str, str]:
     beside = f", and so {'is' if len(sure) == 1 else 'are'} {listed(sure)}" if sure else ""
     beside += f", and perhaps {listed(perhaps)}" if perhaps else ""
     return beside, f"{together} with all ({unit}); {only}"
+
+
+def _depends(channels: Sequence[str]) -> str:
+    """On what the force that no effect explains depends, as a verb."""
+    others = [name for name in channels if name != GAIN]
+    return f"{'depends on' if len(others) == len(channels) else 'is u times a function of'} {listed(others)}"
 
 
 def _nothing(result: Diagnosis, sure: str, held: str) -> str:

@@ -157,6 +157,32 @@ def test_a_push_above_the_band_is_no_nothing():
     assert any("something pushes at" in said for said in found.warnings)
 
 
+def repeating(push: float, counts: int) -> float:
+    """Hz of the line that the response shows of a rigid axis which does the same each second; u is exact.
+
+    push : at 123.4 Hz, unit of u, of which there is 0.057 rms. counts : of a turn, to which its position is rounded.
+    """
+    step, inertia = 1e-3, 0.01
+    t = np.arange(10_000) * step
+    u = 0.05 * sum(size * np.sin(2.0 * np.pi * hz * t + hz) for hz, size in ((3, 1.0), (7, 0.5), (16, 0.3)))
+    a = (u + push * np.sin(2.0 * np.pi * 123.4 * t)) / inertia
+    v = np.cumsum(a) * step - a * step
+    v -= v.mean()
+    x = np.append(0.0, np.cumsum(v * step + 0.5 * a * step**2)[:-1])
+    count = 2.0 * np.pi / counts
+    log = Log({"t": t, "u": u, "position": np.round(x / count) * count}, step, "log.csv")
+    recording = prepare(log, ObserverSettings(inertia, 5e-3))
+    search = Search(pose([recording], PlantModel(inertia, 0.0, {}), Settings()))
+    found = response_of(search, search.refit, LOADS, doubtful=False)
+    return math.nan if found is None else found.line_hz
+
+
+def test_what_is_rounded_off_a_motion_that_repeats_is_no_push():
+    """It makes lines at harmonics of the motion, whatever the counts; a push larger than they are is still seen."""
+    assert [hz for counts in (4096, 20_000, 65_536, 262_144) if not math.isnan(hz := repeating(0.0, counts))] == []
+    assert repeating(0.02, 262_144) == pytest.approx(123.4, abs=0.02)
+
+
 def test_a_load_that_rattles_is_followed_beside_the_forces_that_are_true():
     """With the inertia and the gravity that a rigid axis has beside it, the true play leaves more than that axis."""
     axis = Axis(("backlash",), 7201, "speed40k")

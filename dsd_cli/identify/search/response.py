@@ -134,28 +134,31 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     fall, nats = _fall(rival, swinging), float(over_rigid.sum())
     if PLAY in asked and correlated and fall < POLICY.response_fall:
         return replace(unseen, rattles=True)
-    rivals = (PLAY,) if tied else ()
     given = {name: value for name, (value, _) in values.items()}
     model = look.part.problem.scale.model(look.fit).changed(effects={COUPLING: given})
-    seen = Seen(COUPLING, values, rivals, nats, fall, highest, values["frequency"][0], model)
+    seen = Seen(COUPLING, values, (PLAY,) if tied else (), nats, fall, highest, values["frequency"][0], model)
     return replace(unseen, seen=seen)
 
 
 def _steady_line(search: Search, look: _Look) -> float:
-    """Hz of a line above the band that pushes all along; an encoder's error is one at constant speed alone."""
-    signals = look.signals
-    rest = left(look.modes.rigid(), signals.target)
-    hz = strongest_line(signals, rest, search.equations.band.hz)
-    return hz if _agreed(gains(rest, without_line(signals, hz)(rest))) else math.nan
+    """Hz of a line above the band that pushes all along; an encoder's error is one at constant speed alone.
+
+    What is rounded off a motion that repeats does so too: lines at its harmonics, none larger than all else there.
+    """
+    rest, step = left(look.modes.rigid(), look.signals.target), look.signals.step
+    hz = strongest_line(look.signals, rest, search.equations.band.hz)
+    calm, cycle = without_line(look.signals, hz)(rest), search.equations.recordings[0].cycle
+    off = abs((hz * cycle + 0.5) % 1.0 - 0.5)  # a harmonic, as far as the cycle is known; NaN where nothing repeats
+    rounded = off < 2.0 * hz * step + cycle / (len(rest) * step) and rms(rest - calm) < rms(calm)
+    return hz if _agreed(gains(rest, calm)) and not rounded else math.nan
 
 
 def _swinging(search: Search, whole: Fit) -> _Look | None:
     """The mode that explains the signals best, with the delay brought to where it belongs beside the mode."""
     part = search.excerpt or search
-    shown = (COUPLING, PLAY)
     found = (t for t in whole.terms if t not in search.base)
     late = {t for t in found if t.effect.role is Role.STRUCTURE or t.effect.lateness is not None}
-    terms = tuple(t for t in whole.terms if t.id not in shown and t not in late)
+    terms = tuple(t for t in whole.terms if t.id not in (COUPLING, PLAY) and t not in late)
     fit = part.fit(terms, whole.tap if terms == whole.terms else search.refit.tap)
     delay, step = delay_of(part, fit), search.equations.sample_time
     lowest, highest = POLICY.response_lowest_share * search.equations.band.hz, POLICY.response_highest_share / step
@@ -193,8 +196,7 @@ class _Found:
     def seen(self, highest: float) -> Seen:
         share, stiffness = self.values["load_share"][0], self.values["stiffness"][0]
         own = math.sqrt(stiffness / (share * self.model.inertia)) / (2.0 * math.pi)
-        nats = float(gains(self.rival, self.rest).sum())
-        fall = _fall(self.rival, self.rest)
+        nats, fall = float(gains(self.rival, self.rest).sum()), _fall(self.rival, self.rest)
         return Seen(PLAY, self.values, (), nats, fall, highest, own / math.sqrt(1.0 - share), self.model)
 
 

@@ -159,8 +159,8 @@ def said_of_left(search: Search, fit: Fit) -> tuple[str, ...]:
     if noise_of_u(search, fit):
         return (
             f"the error that the fit leaves, {left:.3g}, {100.0 * left / errors.force:.2g} % of u, is white, and u has"
-            " as much above the band: it counts as noise of u. Is that a duty, a current without a filter,"
-            " or a loop faster than the log?",
+            " as much above the band: it counts as noise of u. Is that a duty, a current without a filter, a loop"
+            " faster than the log, or what the controller makes of a coarse sensor?",
         )
     if not only_at_stops(search, fit):
         return ()
