@@ -55,6 +55,9 @@ class _Spring(Coupling):
     def leaves(self, push: Any, lighter: Any, left: Any, depth: Any, w: Any) -> Any:
         return self._once(Coupling.leaves, push, lighter, left, depth, w)
 
+    def rubbed(self, h: Any, speed: Any) -> Any:
+        return self._once(Coupling.rubbed, h, speed)
+
     def steps(self, interval: Any, lighter: Any = 1.0) -> int:
         """One where the interval is a substep of the plant: they are shorter than a step of the load may be."""
         return 1 if isinstance(interval, Expression) else super().steps(interval, lighter)
