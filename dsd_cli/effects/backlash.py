@@ -53,7 +53,7 @@ def _join(coefficients: tuple[float, ...], shape: Shape, inertia: float) -> Valu
 def _joint(values: Values, inertia: float) -> JointTerms:
     (share,), shape = _split(values, inertia)
     if shape["slowing"] > 0.0:
-        return JointTerms(missing="a load behind play rubs by its own speed, not by that of a joint")
+        return JointTerms(missing="friction of a load by its own speed")
     return JointTerms(loads=(Hung(share, _coupling(shape)),))
 
 
