@@ -112,8 +112,8 @@ static PyObject *bouc_wen(PyObject *module, PyObject *args) {
 
 /* ---- two masses ------------------------------------------------------------------------------------------------ */
 
-/* wa^2, 2 zeta wa, gap/2, wa */
-typedef struct { double square, drag, half_gap, rate; } Coupling;
+/* wa^2, 2 zeta wa, gap/2, wa, what its own friction slows a load that slides */
+typedef struct { double square, drag, half_gap, rate, slowing; } Coupling;
 typedef struct { double position, velocity, motor_velocity, interval; } Load;
 
 /* Motor less load is `apart`, its rate `closing`; closing' = push - lighter pull, with a push that is constant on the
@@ -277,16 +277,30 @@ static void set_clock(Clock *clock, const Coupling *k, double interval) {
     *clock = clock_of(k, interval, 1.0, (Py_ssize_t)count);
 }
 
-/* mean pull over an interval, which moves what lies between motor and load */
-static double mean_over(const Coupling *k, const Clock *clock, double push, double *apart, double *closing) {
+/* what its own friction takes of a load's speed in h: no more than all of it */
+static inline double rubbed(const Coupling *k, double h, double speed) {
+    const double most = k->slowing * h;
+    return speed > most ? most : speed < -most ? -most : speed;
+}
+
+/* mean pull over an interval, which moves what lies between motor and load, and the speed of the load */
+static double mean_over(const Coupling *k, const Clock *clock, double push, double *apart, double *closing,
+                        double *speed) {
     const double t = clock->interval, n = (double)clock->steps, h = t / n, rate = clock->rate / clock->lighter;
-    double sum = 0.0, mean;
+    double sum = 0.0, mean, slow;
     Py_ssize_t i;
-    if (by_one_law(k, &clock->all, push, clock->lighter, t, rate, apart, closing, &mean)) return mean;
+    if (k->slowing == 0.0 && by_one_law(k, &clock->all, push, clock->lighter, t, rate, apart, closing, &mean)) {
+        *speed += t * mean;
+        return mean;
+    }
     for (i = 0; i < clock->steps; i++) {
         if (!by_one_law(k, &clock->once, push, clock->lighter, h, n * rate, apart, closing, &mean))
             mean = over(k, push, clock->lighter, h, apart, closing) * (n * rate);
         sum += mean;
+        *speed += h * mean;
+        if (k->slowing == 0.0) continue;
+        slow = rubbed(k, h, *speed);
+        *apart += 0.5 * h * slow, *closing += slow, *speed -= slow;
     }
     return sum / n;
 }
@@ -310,10 +324,9 @@ static double advance(const Coupling *k, const Clock *clock, double position, do
     const double t = clock->interval;
     double apart = position - 0.5 * t * velocity - load->position, mean;
     double closing = velocity - 0.5 * t * slope - load->velocity;
-    if (!(k->half_gap > 0.0)) return hanging(clock, position, velocity, slope, load);
-    mean = mean_over(k, clock, slope, &apart, &closing);
+    if (!(k->half_gap > 0.0 || k->slowing > 0.0)) return hanging(clock, position, velocity, slope, load);
+    mean = mean_over(k, clock, slope, &apart, &closing, &load->velocity);
     load->position = position + 0.5 * t * velocity - apart;
-    load->velocity += t * mean;
     return mean;
 }
 
@@ -332,7 +345,7 @@ static Py_ssize_t linear_rows(const Coupling *k, const Clock *clock, const doubl
                               const double *interval, Py_ssize_t rows, Load *load, double *out) {
     Load own = *load;  /* a local that nothing points to stays in registers */
     Py_ssize_t i;
-    if (k->half_gap > 0.0 || own.interval != clock->interval) return 0;
+    if (k->half_gap > 0.0 || k->slowing > 0.0 || own.interval != clock->interval) return 0;
     for (i = 0; i < rows && interval[i] == clock->interval; i++) {
         const double slope = (velocity[i] - own.motor_velocity) / clock->interval;
         own.motor_velocity = velocity[i];
@@ -350,8 +363,8 @@ static PyObject *load_rows(PyObject *module, PyObject *args) {
     Load load;
     Py_ssize_t i;
     (void)module;
-    if (!PyArg_ParseTuple(args, "OOO(dddd)(dddd)O", &objects[0], &objects[1], &objects[2], &k.square, &k.drag,
-                          &k.half_gap, &k.rate, &load.position, &load.velocity, &load.motor_velocity, &load.interval,
+    if (!PyArg_ParseTuple(args, "OOO(ddddd)(dddd)O", &objects[0], &objects[1], &objects[2], &k.square, &k.drag,
+                          &k.half_gap, &k.rate, &k.slowing, &load.position, &load.velocity, &load.motor_velocity, &load.interval,
                           &objects[3])) return NULL;
     if (open_columns(&c, objects, 4)) return NULL;
     {
@@ -375,29 +388,33 @@ static PyObject *load_row(PyObject *module, PyObject *args) {
     Load load;
     double position, velocity, t, mean;
     (void)module;
-    if (!PyArg_ParseTuple(args, "ddd(dddd)(dddd)", &position, &velocity, &t, &k.square, &k.drag, &k.half_gap, &k.rate,
-                          &load.position, &load.velocity, &load.motor_velocity, &load.interval)) return NULL;
+    if (!PyArg_ParseTuple(args, "ddd(ddddd)(dddd)", &position, &velocity, &t, &k.square, &k.drag, &k.half_gap, &k.rate,
+                          &k.slowing, &load.position, &load.velocity, &load.motor_velocity, &load.interval)) return NULL;
     mean = one_row(&k, &clock, position, velocity, t, &load);
     return Py_BuildValue("d(dddd)", mean, load.position, load.velocity, load.motor_velocity, load.interval);
 }
 
-/* out = mean acceleration of the load per interval; push = acceleration of a free motor, constant in each interval */
+/* out = mean pull on the load per interval; push = acceleration of a free motor, constant in each interval, whose
+ * velocity is that at its begin */
 static PyObject *driven_rows(PyObject *module, PyObject *args) {
-    PyObject *objects[2];
+    PyObject *objects[3];
     Columns c;
     Coupling k;
     double interval, own, apart, closing = 0.0;
     Py_ssize_t i, steps;
     (void)module;
-    if (!PyArg_ParseTuple(args, "O(dddd)ddndO", &objects[0], &k.square, &k.drag, &k.half_gap, &k.rate, &own,
-                          &interval, &steps, &apart, &objects[1])) return NULL;
-    if (open_columns(&c, objects, 2)) return NULL;
+    if (!PyArg_ParseTuple(args, "OO(ddddd)ddndO", &objects[0], &objects[1], &k.square, &k.drag, &k.half_gap, &k.rate,
+                          &k.slowing, &own, &interval, &steps, &apart, &objects[2])) return NULL;
+    if (open_columns(&c, objects, 3)) return NULL;
     {
-        const double *push = c.view[0].buf;
-        double *out = c.view[1].buf;
+        const double *push = c.view[0].buf, *velocity = c.view[1].buf;
+        double *out = c.view[2].buf;
         const Clock clock = clock_of(&k, interval, 1.0 / own, steps);
         Py_BEGIN_ALLOW_THREADS
-        for (i = 0; i < c.rows; i++) out[i] = mean_over(&k, &clock, push[i], &apart, &closing);
+        for (i = 0; i < c.rows; i++) {
+            double speed = velocity[i] - closing;
+            out[i] = mean_over(&k, &clock, push[i], &apart, &closing, &speed);
+        }
         Py_END_ALLOW_THREADS
     }
     close_columns(&c);
@@ -410,7 +427,7 @@ static PyMethodDef methods[] = {
     {"bouc_wen", bouc_wen, METH_VARARGS, "bouc_wen(moved, exponent, unloading, before, out) -> the last state"},
     {"load", load_rows, METH_VARARGS, "load(position, velocity, interval, coupling, state, out) -> state"},
     {"load_row", load_row, METH_VARARGS, "load_row(position, velocity, interval, coupling, state) -> (mean, state)"},
-    {"driven", driven_rows, METH_VARARGS, "driven(push, coupling, own, interval, steps, apart, out)"},
+    {"driven", driven_rows, METH_VARARGS, "driven(push, velocity, coupling, own, interval, steps, apart, out)"},
     {NULL, NULL, 0, NULL},
 };
 

@@ -17,14 +17,14 @@ HIGHEST = 4.0
 
 
 def _columns(channels: Channels, shape: Shape, state: Load | None) -> tuple[tuple[Any, ...], Load]:
-    """Mean acceleration of the load in each interval; none while it is within the gap."""
+    """Mean pull on the load in each interval, per inertia of it; none while it is within the gap."""
     spring = _coupling(shape)
     column, state = load_acceleration(channels.position, channels.velocity, channels.interval, spring, state)
     return (column,), state
 
 
 def _coupling(shape: Shape) -> Coupling:
-    return Coupling.of(shape["frequency"], CONTACT_DAMPING, shape["gap"])
+    return Coupling.of(shape["frequency"], CONTACT_DAMPING, shape["gap"], shape["slowing"])
 
 
 def _starts(ranges: Ranges) -> list[Shape]:
@@ -33,23 +33,27 @@ def _starts(ranges: Ranges) -> list[Shape]:
     gaps = log_spaced(1e-4 * ranges.travel, 0.2 * ranges.travel, 6)
     highest = min(0.1 / ranges.sample_time, HIGHEST * ranges.band_hz)
     frequencies = log_spaced(min(max(5.0 / ranges.duration, 2.0), highest), highest, 3)
-    return [{"gap": gap, "frequency": f} for gap, f in product(gaps, frequencies)]
+    return [{"gap": gap, "frequency": f, "slowing": 0.0} for gap, f in product(gaps, frequencies)]
 
 
 def _split(values: Values, inertia: float) -> tuple[tuple[float, ...], Shape]:
     share = float(values["load_share"])
     rate = math.sqrt(values["stiffness"] / (share * inertia))
-    return (share,), {"gap": values["gap"], "frequency": rate / (2.0 * math.pi)}
+    slowing = values.get("load_level", 0.0) / (share * inertia)
+    return (share,), {"gap": values["gap"], "frequency": rate / (2.0 * math.pi), "slowing": slowing}
 
 
 def _join(coefficients: tuple[float, ...], shape: Shape, inertia: float) -> Values:
     (share,) = coefficients
-    rate = 2.0 * math.pi * shape["frequency"]
-    return {"gap": shape["gap"], "load_share": share, "stiffness": share * inertia * rate * rate}
+    rate, slowing = 2.0 * math.pi * shape["frequency"], shape["slowing"]
+    values = {"gap": shape["gap"], "load_share": share, "stiffness": share * inertia * rate * rate}
+    return {**values, "load_level": share * inertia * slowing} if slowing > 0.0 else values
 
 
 def _joint(values: Values, inertia: float) -> JointTerms:
     (share,), shape = _split(values, inertia)
+    if shape["slowing"] > 0.0:
+        return JointTerms(missing="friction of a load by its own speed")
     return JointTerms(loads=(Hung(share, _coupling(shape)),))
 
 
@@ -61,14 +65,22 @@ def _of_joint(terms: JointTerms, inertia: float) -> list[Values]:
 EFFECT = Effect(
     id="backlash",
     role=Role.STRUCTURE,
-    law="a_l = wa^2 dz(qm - ql, gap/2) with contact damping, wa^2 = k/(s J)",
+    law="a_l = wa^2 dz(qm - ql, gap/2) with contact damping - (load_level/(s J)) sgn vl, wa^2 = k/(s J)",
     summary="Play between motor and load: worn gears, couplings and screws. position and velocity of the log are those "
-    "of the motor. The contact has a fixed damping ratio of 0.3.",
+    "of the motor. The contact has a fixed damping ratio of 0.3. The load may have Coulomb friction of its own.",
     pattern="after each reversal the axis feels light for a moment, then the residual kicks as the load is picked up",
     parameters=(
         Parameter("gap", "{q}", "total play of the load against the motor", lower=0.0, linear=False),
         Parameter("load_share", "1", "s, the load's share of the inertia", lower=1e-6, upper=1.0 - 1e-6),
         Parameter("stiffness", "{u}/({q})", "k of the contact", lower=1e-9, linear=False),
+        Parameter(
+            "load_level",
+            "{u}",
+            "Coulomb friction of the load itself; that of the motor is `coulomb_friction`",
+            lower=0.0,
+            linear=False,
+            optional=True,
+        ),
     ),
     needs=("position",),
     columns=_columns,

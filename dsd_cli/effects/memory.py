@@ -25,8 +25,6 @@ STEP, SETTLING = 0.2, 1.0
 EVENTS = 6
 #: And no interval is cut into more steps than this.
 MOST_STEPS = 10_000
-#: Share of the rms acceleration of a load by which two that began apart may differ and move alike.
-ALIKE = 0.01
 
 
 def one_pole(keep: Array, add: Array, before: float, compiled: Any = COMPILED) -> Array:
@@ -51,7 +49,8 @@ class Coupling(NamedTuple):
     """Spring and damper between motor and load, per inertia of the load; with play a contact pushes and never pulls.
 
     square : wa^2, rad2/s2. drag : 2 zeta wa, rad/s. half_gap : rad or m that the load may be off without a force.
-    rate : wa, rad/s, the load's own frequency while the motor is held.
+    rate : wa, rad/s, the load's own frequency while the motor is held. slowing : by which the load's own Coulomb
+    friction slows it while it slides, rad/s2 or m/s2.
 
     A contact is the spring and the damper at once (Kelvin and Voigt), so that a load bounces with the same restitution
     however fast it comes: the force jumps when a contact begins, and is 0 where it ends. Motion is solved from one such
@@ -66,12 +65,13 @@ class Coupling(NamedTuple):
     drag: float
     half_gap: float
     rate: float
+    slowing: float = 0.0
 
     @classmethod
-    def of(cls, frequency: float, damping: float, gap: float = 0.0) -> Coupling:
-        """From Hz, the damping ratio, and the total play."""
+    def of(cls, frequency: float, damping: float, gap: float = 0.0, slowing: float = 0.0) -> Coupling:
+        """From Hz, the damping ratio, the total play, and what the load's own friction takes of its speed."""
         rate = 2.0 * math.pi * frequency
-        return cls(rate * rate, 2.0 * damping * rate, 0.5 * gap, rate)
+        return cls(rate * rate, 2.0 * damping * rate, 0.5 * gap, rate, slowing)
 
     @property
     def shape(self) -> dict[str, float]:
@@ -80,7 +80,13 @@ class Coupling(NamedTuple):
             "frequency": self.rate / (2.0 * math.pi),
             "damping": 0.5 * self.drag / self.rate,
             "gap": 2.0 * self.half_gap,
+            "slowing": self.slowing,
         }
+
+    def rubbed(self, h: float, speed: float) -> float:
+        """What the load's own friction takes of its speed in h: no more than all of it, for then the load sticks."""
+        most = self.slowing * h
+        return most if speed > most else -most if speed < -most else speed
 
     def pull(self, apart: float, closing: float) -> float:
         """Acceleration of the load."""
@@ -200,11 +206,12 @@ class Load(NamedTuple):
 def load_acceleration(
     position: Any, velocity: Any, interval: Any, coupling: Coupling, state: Load | None, compiled: Any = COMPILED
 ) -> tuple[Any, Load]:
-    """(mean acceleration of the load per interval, load at the end), for floats or arrays of shape (n,).
+    """(mean pull on the load per interval, load at the end), for floats or arrays of shape (n,).
 
     The motor's position and velocity are means of the interval's ends, and within it the motor moves along a parabola
-    whose bend is taken from the change of speed since the interval before. `state` None: the load begins at rest
-    relative to the motor, at the end of the first row. An interval of 0 is this instant, and moves nothing.
+    whose bend is taken from the change of speed since the interval before. The pull is the load's acceleration but for
+    its own friction. `state` None: the load begins at rest relative to the motor, at the end of the first row. An
+    interval of 0 is this instant, and moves nothing.
     """
     if isinstance(position, float) or np.ndim(position) == 0:  # the simulator, in its innermost loop
         if compiled is None or state is None or not isinstance(position, float):  # an export asks with symbols
@@ -236,60 +243,31 @@ def _load_row(
     slope = (velocity - state.motor_velocity) / (0.5 * (interval + state.interval))
     apart = position - 0.5 * interval * velocity - state.position
     closing = velocity - 0.5 * interval * slope - state.velocity
-    apart, _, taken = _over(coupling, slope, 1.0, interval, coupling.steps(interval), apart, closing)
-    after = Load(position + 0.5 * interval * velocity - apart, state.velocity + taken, velocity, interval)
-    return taken / interval, after
+    steps = coupling.steps(interval)
+    apart, _, taken, speed = over(coupling, slope, 1.0, interval, steps, apart, closing, state.velocity)
+    return taken / interval, Load(position + 0.5 * interval * velocity - apart, speed, velocity, interval)
 
 
-def _over(
-    coupling: Coupling, push: float, lighter: float, interval: float, steps: int, apart: float, closing: float
-) -> tuple[float, float, float]:
-    """As `Coupling.over`, in steps."""
+def over(
+    coupling: Coupling,
+    push: float,
+    lighter: float,
+    interval: float,
+    steps: int,
+    apart: float,
+    closing: float,
+    speed: float,
+) -> tuple[float, float, float, float]:
+    """(apart, closing, taken, speed of the load) after an interval; the rest as `Coupling.over`, in steps."""
     h = interval / steps
 
-    def body(i: Any, q: Any, v: Any, taken: Any) -> tuple[Any, ...]:
+    def body(i: Any, q: Any, v: Any, taken: Any, w: Any) -> tuple[Any, ...]:
         q, v, more = coupling.over(push, lighter, h, q, v)
-        return q, v, taken + more
+        w = w + more / lighter
+        if coupling.slowing == 0.0:
+            return q, v, taken + more, w
+        rubbed = coupling.rubbed(h, w)
+        return q + 0.5 * h * rubbed, v + rubbed, taken + more, w - rubbed
 
-    apart, closing, taken = coupling.repeated(steps, body, apart, closing, 0.0)
-    return apart, closing, taken
-
-
-def driven_motor(push: Array, interval: float, coupling: Coupling, share: float) -> Array:
-    """Mean acceleration of the motor per interval, s_m J a = F - (1 - s_m) J a_l; parameters as `driven_load`."""
-    return np.asarray(push - share / (1.0 - share) * driven_load(push, interval, coupling, share))
-
-
-def forgotten(push: Array, interval: float, coupling: Coupling, share: float) -> int:
-    """Intervals after which a load with play moves alike from either flank and from between them: where it began, which
-    nobody knows, it has forgotten; parameters as `driven_load`."""
-    begun = (0.0, coupling.half_gap, -coupling.half_gap)
-    here, *others = (driven_load(push, interval, coupling, share, x) for x in begun)
-    alike = np.max(np.abs(np.subtract(others, here)), axis=0) <= ALIKE * np.sqrt(np.mean(here**2))
-    return int(np.max(np.flatnonzero(~alike), initial=-1)) + 1  # what is no number is like nothing
-
-
-def driven_load(
-    push: Array, interval: float, coupling: Coupling, share: float, apart: float = 0.0, compiled: Any = COMPILED
-) -> Array:
-    """Mean acceleration of the load per interval where a force drives the motor: two masses, no sensor, from rest.
-
-        c' = F / (s_m J) - a_l / s_m,    a_l = pull(motor less load, c),    s_m = 1 - share
-
-    Parameters
-    ----------
-    push : F / (s_m J), what the motor would do alone, constant in each interval, shape (n,), of equal intervals in s.
-    share : the load's, of the inertia J of both. apart : motor less load at the begin, at which both rest.
-    """
-    own = 1.0 - share
-    steps = coupling.steps(interval, 1.0 / own)  # the free vibration is quicker than the load's own
-    push = np.ascontiguousarray(push, dtype=np.float64)
-    out = np.empty_like(push)
-    if compiled is not None:
-        compiled.driven(push, tuple(coupling), own, interval, steps, apart, out)
-        return out
-    lighter, closing = 1.0 / own, 0.0
-    for k, f in enumerate(push.tolist()):
-        apart, closing, taken = _over(coupling, f, lighter, interval, steps, apart, closing)
-        out[k] = taken / (lighter * interval)
-    return out
+    apart, closing, taken, speed = coupling.repeated(steps, body, apart, closing, 0.0, speed)
+    return apart, closing, taken, speed

@@ -58,6 +58,9 @@ class _Spring(Coupling):
     def rises(self, value: Any, rate: Any, bend: Any, most: Any) -> Any:
         return self._once(Coupling.rises, value, rate, bend, most)
 
+    def rubbed(self, h: Any, speed: Any) -> Any:
+        return self._once(Coupling.rubbed, h, speed)
+
     def steps(self, interval: Any, lighter: Any = 1.0) -> int:
         """One where the interval is a substep of the plant: they are shorter than a step of the load may be."""
         return 1 if isinstance(interval, Expression) else super().steps(interval, lighter)

@@ -119,7 +119,7 @@ def _checked_values(effect: Effect, values: Mapping[str, Any]) -> Mapping[str, A
     for name, parameter in known.items():
         if name not in values and not parameter.optional:
             raise UsageError(f"effect {effect.id} lacks {name}", parameter.meaning)
-        if parameter.numeric:
+        if parameter.numeric and name in values:
             _check(f"{effect.id}.{name}", values[name], lower=parameter.lower, upper=parameter.upper)
     there = {name: p for name, p in known.items() if name in values}
     checked = {name: float(values[name]) if p.numeric else values[name] for name, p in there.items()}

@@ -7,7 +7,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from dsd_cli.effects import Channels, get_effect
-from dsd_cli.effects.memory import COMPILED, Coupling, Load, driven_load, forgotten, load_acceleration, one_pole
+from dsd_cli.effects.driven import driven_load, forgotten
+from dsd_cli.effects.memory import COMPILED, Coupling, Load, load_acceleration, one_pole
 
 RNG = np.random.default_rng(5)
 T = 1e-3
@@ -290,3 +291,46 @@ class TestCompiled:
         fixed.setflags(write=False)
         with pytest.raises((BufferError, ValueError), match="read-only"):
             COMPILED.one_pole(np.zeros(3), np.zeros(3), 0.0, fixed)
+
+
+def rubbing_load(motor, share, rate, drag, gap, slowing, steps):
+    """Fine steps of a load behind a motor that moves as prescribed, pushed by a flank and stopped by friction: the
+    speed that it has left, and the momentum that contact gave it in each of `steps` intervals."""
+    h, q, v, given = T / 400, 0.0, 0.0, np.zeros(steps)
+    for k in range(steps):
+        for i in range(400):
+            t = T * k + h * (i + 0.5)
+            apart, closing = motor(t)[0] - q - 0.5 * h * v, motor(t)[1] - v
+            depth = abs(apart) - 0.5 * gap
+            push = rate**2 * np.sign(apart) * depth + drag * closing if depth > 0.0 else 0.0
+            push = push if push * apart > 0.0 else 0.0
+            free = v + h * push
+            after = math.copysign(max(abs(free) - slowing * h, 0.0), free)
+            q, v, given[k] = q + 0.5 * h * (v + after), after, given[k] + h * push
+    return given
+
+
+def test_a_load_that_rubs_stops_where_the_motor_leaves_it():
+    """The motor swings in its play and beyond; against own steps of a four-hundredth of the interval."""
+    rate, damping, gap, slowing = 2 * math.pi * 40.0, 0.3, 0.02, 4.0
+    motor = lambda t: (0.03 * (1.0 - math.cos(12.0 * t)), 0.36 * math.sin(12.0 * t))  # noqa: E731
+    expected = rubbing_load(motor, 0.5, rate, 2 * damping * rate, gap, slowing, 700) / T
+    rows = rows_of(np.array([motor(T * k)[0] for k in range(701)]))
+    start = Load(0.0, 0.0, 0.0, T)
+    for compiled in (COMPILED, None):
+        coupling = Coupling.of(40.0, damping, gap, slowing)
+        found, _ = load_acceleration(rows.position, rows.velocity, rows.interval, coupling, start, compiled)
+        assert np.linalg.norm(found - expected) < 0.03 * np.linalg.norm(expected)
+    coasting, _ = load_acceleration(rows.position, rows.velocity, rows.interval, Coupling.of(40.0, damping, gap), start)
+    assert np.linalg.norm(coasting - expected) > 0.3 * np.linalg.norm(expected)
+
+
+def test_a_force_drives_a_load_that_rubs_as_its_motion_does():
+    """The same load once behind the motion, once behind the force that made it."""
+    share, coupling = 0.4, Coupling.of(30.0, 0.3, 0.01, 3.0)
+    rows = rows_of(smooth_motion())
+    pull, _ = load_acceleration(rows.position, rows.velocity, rows.interval, coupling, Load(0.0, 0.0, 0.0, T))
+    speeds = np.array([speed(T * k) for k in range(N)])
+    push = np.diff(speeds, append=speed(T * N)) / T + share / (1.0 - share) * pull
+    found = driven_load(push, T, coupling, share, velocity=speeds)
+    assert np.linalg.norm(found - pull) < 0.15 * np.linalg.norm(pull)

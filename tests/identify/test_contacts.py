@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsd_cli.effects.memory import Coupling, driven_motor
+from dsd_cli.effects.driven import driven_motor
+from dsd_cli.effects.memory import Coupling
 from dsd_cli.identify.fit.contacts import contacts_of, contacts_with
 from dsd_cli.identify.fit.pushes import Pushes
 from dsd_cli.identify.fit.testability import Settings

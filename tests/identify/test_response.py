@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from dsd_cli.effects.memory import Coupling, driven_load, load_acceleration
+from dsd_cli.effects.driven import driven_load
+from dsd_cli.effects.memory import Coupling, load_acceleration
 from dsd_cli.identify.compare.balance import force_view
 from dsd_cli.identify.final_fit import add_effect
 from dsd_cli.identify.fit.bank import Term, raw_columns

@@ -83,7 +83,8 @@ class Rules:
     def _held_values(self, term: Term) -> dict[str, float] | None:
         if term.effect.role is Role.INPUT or term.effect.listed:
             return None
-        names = {p.name: f"{term.id}.{p.name}" for p in term.effect.parameters}
+        own = (p.name for p in term.effect.parameters if not (p.optional and p.numeric))
+        names = {name: f"{term.id}.{name}" for name in own}
         free = [p for p, n in names.items() if n not in self.known.fixed]
         if any(not is_shape(term.effect, p, term.shape) for p in free) or len(free) == len(names):
             return None

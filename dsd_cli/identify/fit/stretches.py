@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dsd_cli.effects import Channels, Effect, Role, Shape
-from dsd_cli.effects.memory import Coupling, driven_load, forgotten
+from dsd_cli.effects.driven import driven_load, forgotten
+from dsd_cli.effects.memory import Coupling
 from dsd_cli.identify.fit.pushes import SensorMotion
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
@@ -124,7 +125,15 @@ class Stretch:
     @cached_property
     def begin(self) -> int:
         """Samples in which nobody knows where a load is that a force drives."""
-        return 0 if self.pushed is None else forgotten(self.log["push"], self.log.sample_time, *self.pushed[2:0:-1])
+        if self.pushed is None:
+            return 0
+        return forgotten(self.log["push"], self.log.sample_time, *self.pushed[2:0:-1], self.speed)
+
+    @cached_property
+    def speed(self) -> Array:
+        """As measured, not smoothed: that would put off the instant at which a load comes to rest."""
+        placed = self.two_intervals and "position" in self.log
+        return finite(np.gradient(self.log["position"], self.log.sample_time) if placed else self.log["velocity"])
 
     @cached_property
     def answer(self) -> FeedbackNoise:
@@ -162,7 +171,8 @@ class Stretch:
         """Regressor of each coefficient of an effect, mean per interval under that delayed u; minus the unit force."""
         pushed, log = self.pushed, self.log
         if pushed is not None and pushed[0] == effect.id and effect.coupling is not None:  # see `fit.driven_load`
-            return [driven_load(log["push"], log.sample_time, effect.coupling(shape), pushed[1])]
+            spring = effect.coupling(shape)
+            return [driven_load(log["push"], log.sample_time, spring, pushed[1], velocity=self.speed)]
         found, _ = effect.run(self.channels(u, effect), shape)
         columns = [np.broadcast_to(c, len(u)) for c in found]
         if effect.role is Role.FRICTION:

@@ -142,7 +142,7 @@ def fitted_values(
         terms = list(fit.terms)
         for (i, name, value), step in zip(found.shapes, change[linear:], strict=True):
             terms[i] = type(terms[i]).of(terms[i].id, {**terms[i].shape, name: value * math.exp(step)})
-        return flat(_model(bare, fit, tuple(terms), theta))
+        return values | flat(_model(bare, fit, tuple(terms), theta))
 
     units, known = units_of(fit.terms), solver.known
     bounds = {name: (known.limits(name), units[name][1:]) for name in values}

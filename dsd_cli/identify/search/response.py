@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.bank import Term, Terms
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.modes import Modes
@@ -40,6 +40,8 @@ from dsd_cli.signals.spread import rms
 _ROUNDS, _MOST_MOVED, _NEAR = 5, 3.0, 0.3
 #: What a play is sought beside, found or not: a play that nobody knows of hides friction, and friction hides a play.
 _IN_ANY_AXIS = ("coulomb_friction", "viscous_friction")
+#: Roles of effects that are none of the other forces.
+_NO_FORCE = (Role.INPUT, Role.STRUCTURE)
 
 
 @dataclass(frozen=True)
@@ -82,7 +84,7 @@ def _predicted(found: Response | None, touching: Seen) -> Seen:
     values = {} if seen is None else {name: value for name, (value, _) in seen.values.items()}
     if seen is None or seen.effect != touching.effect or not same_play(values, touching):
         return touching
-    told = {n: (x, math.hypot(error, x - touching.values[n][0])) for n, (x, error) in seen.values.items()}
+    told = {n: (x, math.hypot(error, x - touching.values.get(n, (x,))[0])) for n, (x, error) in seen.values.items()}
     return replace(touching, values=told, model=touching.model.changed(None, None, {PLAY: values}))
 
 
@@ -202,25 +204,27 @@ class _Found:
 
 def _play(search: Search, look: _Look) -> _Found | None:
     """The play that explains most, beside friction as well."""
-    ids = {t.id for t in look.fit.terms}
-    friction = tuple(Term(name) for name in _IN_ANY_AXIS if name in search.allowed and name not in ids)
-    fit = look.part.fit((*look.fit.terms, *friction), look.fit.tap)
+    axis = tuple(t for t in look.part.base if t.id not in (COUPLING, PLAY))
+    plain, fit = (look.part.fit(_with_friction(search, x), look.fit.tap) for x in (axis, look.fit.terms))
+    levels = {t.id: float(plain.coefficients(t)[0]) for t in plain.terms if t.id == _IN_ANY_AXIS[0]}
+    ids = [t.id for t in fit.terms if t.effect.role not in _NO_FORCE for _ in fit.coefficients(t)]
+    friction = np.array([max(levels.get(name, 0.0), 0.0) for name in ids])
     signals = signals_of(look.part, fit, look.delay)
     if signals is None or not search.ranges.travel > 0.0:
         return None
     look = replace(look, fit=fit, signals=signals, modes=Modes(signals))
-    starts = Play(look.signals, search.ranges.travel).starts()
+    starts = Play(look.signals, search.ranges.travel, friction).starts()
     if not starts:
         return None
     delay, signals = look.later(-float(starts[0][LATE]))  # the full rate tells a contact by less than a sample
     moved = np.where(np.arange(len(starts[0])) == LATE, (delay - look.delay) / look.signals.step, 0.0)
-    play = Play(signals, search.ranges.travel)
+    play = Play(signals, search.ranges.travel, friction)
     at, near = play.best([at + moved for at in starts])
     for _ in range(_ROUNDS):
         if abs(at[LATE]) < _NEAR:
             break
         delay, signals = look.later((delay - look.delay) / signals.step - float(at[LATE]))
-        play = Play(signals, search.ranges.travel)
+        play = Play(signals, search.ranges.travel, friction)
         at = play.fitted(np.where(np.arange(len(at)) == LATE, 0.0, at))
     rest = play.left(at)
     values = play.values(at, variance_of(rest), near)
@@ -228,12 +232,20 @@ def _play(search: Search, look: _Look) -> _Found | None:
     told = gap > POLICY.value_deviations * max(spread, 0.0) and gap > resolved
     free = [signals.rows(x) for x in signals.given]
     others = (look.modes.rigid(), look.modes.columns(look.at))
-    rival = min((left(np.column_stack([x, *free]), signals.target) for x in others), key=rms)
-    white = correlation_time(rest) < POLICY.response_correlated  # a load that no simulation follows leaves more
+    rivals = [left(np.column_stack([x, *free]), signals.target) for x in others]
+    rival = min([*rivals, *([play.sprung(at)] if "load_level" in values else [])], key=rms)
+    # a load that no simulation follows leaves more
+    white = correlation_time(rest) < POLICY.response_correlated or _fall(rival, rest) > POLICY.response_fall
     certain = told and white and is_a_load(values["load_share"][0]) and _agreed(gains(rival, rest))
     fresh = _whatever_the_noise(signals, rival)
     certain = certain and _enough(gains(fresh(rival), fresh(rest)))
     return _Found(values, _told_model(look, play, at, delay, values), rest, rival, told, certain)
+
+
+def _with_friction(search: Search, terms: Terms) -> Terms:
+    """The terms, and the friction that any axis has."""
+    ids = {t.id for t in terms}
+    return (*terms, *(Term(name) for name in _IN_ANY_AXIS if name in search.allowed and name not in ids))
 
 
 def _told_model(look: _Look, play: Play, at: Array, delay: float, values: dict[str, tuple[float, float]]) -> PlantModel:
@@ -241,7 +253,7 @@ def _told_model(look: _Look, play: Play, at: Array, delay: float, values: dict[s
     total = look.fit.total.copy()
     changes = iter(play.changes(at))
     for t in look.fit.terms:
-        if t.effect.role not in (Role.INPUT, Role.STRUCTURE):
+        if t.effect.role not in _NO_FORCE:
             for i in range(*look.fit.columns_of(t).indices(len(total))):
                 total[i] += next(changes)
     model = look.part.problem.scale.model(replace(look.fit, total=total))
