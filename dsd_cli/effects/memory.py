@@ -260,14 +260,15 @@ def over(
 ) -> tuple[float, float, float, float]:
     """(apart, closing, taken, speed of the load) after an interval; the rest as `Coupling.over`, in steps."""
     h = interval / steps
+    rubs = coupling.slowing != 0.0
 
-    def body(i: Any, q: Any, v: Any, taken: Any, w: Any) -> tuple[Any, ...]:
+    def body(i: Any, q: Any, v: Any, taken: Any, *w: Any) -> tuple[Any, ...]:
         q, v, more = coupling.over(push, lighter, h, q, v)
-        w = w + more / lighter
-        if coupling.slowing == 0.0:
-            return q, v, taken + more, w
-        rubbed = coupling.rubbed(h, w)
-        return q + 0.5 * h * rubbed, v + rubbed, taken + more, w - rubbed
+        if not rubs:
+            return q, v, taken + more
+        now = w[0] + more / lighter
+        rubbed = coupling.rubbed(h, now)
+        return q + 0.5 * h * rubbed, v + rubbed, taken + more, now - rubbed
 
-    apart, closing, taken, speed = coupling.repeated(steps, body, apart, closing, 0.0, speed)
-    return apart, closing, taken, speed
+    apart, closing, taken, *after = coupling.repeated(steps, body, apart, closing, 0.0, *((speed,) if rubs else ()))
+    return apart, closing, taken, after[0] if rubs else speed + taken / lighter
