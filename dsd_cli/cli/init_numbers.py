@@ -28,6 +28,8 @@ from dsd_cli.signals.units import KeysOf
 #: The window, in s and in samples at least and at most; rho as a share of u where there is no model.
 WINDOW, FEWEST, MOST = 0.1, 50, 5000
 RHO_OF_U = 0.1
+#: What `dsd check` will say of an inertia that a scan finds all the same.
+_NOT_IDENTIFIED = "not identifiable beside forces that [model] lacks (see dsd check)"
 
 
 def propose_numbers(
@@ -68,11 +70,16 @@ def propose_numbers(
         put_delays(max(delay or 0.0, 0.0), step, False, out, only_channel(log))
         return
     inertia = float(f"{inertia:.3g}")
-    out.put("observer", "nominal_inertia", inertia, "identified from this log, per unit of u")
     out.put("model", "inertia", inertia)
     out.put("states", "inertias", [short(0.67 * inertia), inertia, short(1.5 * inertia)])
     at = max(delay or 0.0, 0.0)
-    alone = at > 0.5 * step and explains(check_log(log, PlantModel(inertia, at), None, loaded.restarts), "delay")
+    judged = check_log(log, PlantModel(inertia, at), None, loaded.restarts)
+    alone = at > 0.5 * step and explains(judged, "delay")
+    if at > 0.0 and not alone:  # as dsd check will see it
+        judged = check_log(log, PlantModel(inertia), None, loaded.restarts)
+    known = _told(judged, "inertia") is not None
+    why = "identified from this log" if known else f"a first guess from this log, {_NOT_IDENTIFIED}"
+    out.put("observer", "nominal_inertia", inertia, f"{why}, per unit of u")
     put_delays(at, step, alone, out, only_channel(log))
     put_rho(loaded, PlantModel(inertia, at if alone else 0.0), ObserverSettings(inertia, 5 * step, 1), window, out)
 
