@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dsd_cli.cli.progress import Progress
@@ -135,7 +135,7 @@ def _checked(loaded: LoadedLog, config: Config) -> CheckResult:
 
     factors, keys_of = config.signals.factors(), partial(keys_that_multiply, config.signals)
     shift, observer = config.signals.u_shift, observer_of_motion(config)
-    known = {"factors": factors, "keys_of": keys_of, "u_shift": shift}
+    known: dict[str, Any] = {"factors": factors, "keys_of": keys_of, "u_shift": shift}
     return check_log(loaded.log, None, observer, loaded.restarts, **known, with_values=False)
 
 
