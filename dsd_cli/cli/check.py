@@ -89,10 +89,13 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
     ------
     DataError : it cannot be read, or no usable row is in it.
     """
+    from functools import partial
+
     from dsd_cli.cli.identification import warn
     from dsd_cli.cli.odd_values import lone_spikes, zero_offsets
     from dsd_cli.cli.plan import as_logged, log_columns, made, naming, observer_settings, reading, window
     from dsd_cli.cli.recordings import absent, believed_model, by_updates, check_sizes
+    from dsd_cli.files.config.remedies import keys_that_multiply
     from dsd_cli.files.logs import load_log
     from dsd_cli.identify.checks import check_log
     from dsd_cli.report.plots_check import Checked
@@ -115,6 +118,7 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
         loaded.restarts,
         dropped=loaded.dropped,
         factors=config.signals.factors(),
+        keys_of=partial(keys_that_multiply, config.signals),
         u_shift=config.signals.u_shift,
         maker=made(config).maker,
     ).named(config.signals.units)

@@ -6,6 +6,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from dsd_cli.cli.init_proposal import Proposal, signals_of
 from dsd_cli.cli.init_rho import put_rho
 from dsd_cli.cli.odd_values import zero_offsets
 from dsd_cli.cli.recordings import by_updates, on_its_clock, to_turn_u
+from dsd_cli.files.config.remedies import keys_that_multiply
 from dsd_cli.files.first_look import time_unit_of
 from dsd_cli.files.logs import LoadedLog
 from dsd_cli.identify.checks import CheckResult, check_log, to_mend_first, without_late
@@ -21,10 +23,13 @@ from dsd_cli.identify.checks.clock import jitter
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.clock import FASTEST, SLOWEST, TIME_SCALE, plain
 from dsd_cli.signals.log import Log, with_channels
+from dsd_cli.signals.units import KeysOf
 
 #: The window, in s and in samples at least and at most; rho as a share of u where there is no model.
 WINDOW, FEWEST, MOST = 0.1, 50, 5000
 RHO_OF_U = 0.1
+#: What `dsd check` will say of an inertia that a scan finds all the same.
+_NOT_IDENTIFIED = "not identifiable beside forces that [model] lacks (see dsd check)"
 
 
 def propose_numbers(
@@ -34,13 +39,17 @@ def propose_numbers(
     rows, warned = len(loaded.log), len(loaded.warnings)
     loaded, noisy = _evened(by_updates(loaded), out, given)
     out.said += [*loaded.warnings[warned:], *noisy]
-    checked = check_log(loaded.log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors)
+    checked = check_log(
+        loaded.log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors, keys_of=_keys(out)
+    )
     if (turned := to_turn_u(checked)) and ("signals", "u_sign") not in out.values:  # the numbers are of u as it acts
         out.put("signals", "u_sign", -1, turned.what)
         out.comments["signals", "u_sign"] = f"# <- {turned.what}"
         loaded = replace(loaded, log=with_channels(loaded.log, u=-loaded.log["u"]))
         factors = {**factors, "u": -factors.get("u", 1.0)}
-        checked = check_log(loaded.log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors)
+        checked = check_log(
+            loaded.log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors, keys_of=_keys(out)
+        )
     loaded = _without_late(loaded, checked, out, given)
     log = loaded.log
     step = log.sample_time if loaded.regular else float(f"{checked.seconds / checked.samples:.4g}")
@@ -61,13 +70,22 @@ def propose_numbers(
         put_delays(max(delay or 0.0, 0.0), step, False, out, only_channel(log))
         return
     inertia = float(f"{inertia:.3g}")
-    out.put("observer", "nominal_inertia", inertia, "identified from this log, per unit of u")
     out.put("model", "inertia", inertia)
     out.put("states", "inertias", [short(0.67 * inertia), inertia, short(1.5 * inertia)])
     at = max(delay or 0.0, 0.0)
-    alone = at > 0.5 * step and explains(check_log(log, PlantModel(inertia, at), None, loaded.restarts), "delay")
+    judged = check_log(log, PlantModel(inertia, at), None, loaded.restarts)
+    alone = at > 0.5 * step and explains(judged, "delay")
+    if at > 0.0 and not alone:  # as dsd check will see it
+        judged = check_log(log, PlantModel(inertia), None, loaded.restarts)
+    known = _told(judged, "inertia") is not None
+    why = "identified from this log" if known else f"a first guess from this log, {_NOT_IDENTIFIED}"
+    out.put("observer", "nominal_inertia", inertia, f"{why}, per unit of u")
     put_delays(at, step, alone, out, only_channel(log))
     put_rho(loaded, PlantModel(inertia, at if alone else 0.0), ObserverSettings(inertia, 5 * step, 1), window, out)
+
+
+def _keys(out: Proposal) -> KeysOf:
+    return partial(keys_that_multiply, signals_of(out))
 
 
 def _evened(loaded: LoadedLog, out: Proposal, given: Mapping[str, str]) -> tuple[LoadedLog, list[str]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import PurePath
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dsd_cli.cli.progress import Progress
@@ -127,12 +127,16 @@ def _as(taken: Callable[[Log, tuple[int, ...]], Updated], loaded: LoadedLog) -> 
 
 def _checked(loaded: LoadedLog, config: Config) -> CheckResult:
     """Without values."""
+    from functools import partial
+
     from dsd_cli.cli.plan import observer_of_motion
+    from dsd_cli.files.config.remedies import keys_that_multiply
     from dsd_cli.identify.checks import check_log
 
-    factors, u_shift = config.signals.factors(), config.signals.u_shift
-    observer = observer_of_motion(config)
-    return check_log(loaded.log, None, observer, loaded.restarts, factors=factors, u_shift=u_shift, with_values=False)
+    factors, keys_of = config.signals.factors(), partial(keys_that_multiply, config.signals)
+    shift, observer = config.signals.u_shift, observer_of_motion(config)
+    known: dict[str, Any] = {"factors": factors, "keys_of": keys_of, "u_shift": shift}
+    return check_log(loaded.log, None, observer, loaded.restarts, **known, with_values=False)
 
 
 def _without_late(loaded: LoadedLog, checked: CheckResult) -> tuple[LoadedLog, list[str]]:

@@ -184,9 +184,8 @@ def _keyed(rows: Sequence[Row], body: Body) -> Found | None:
         names.append(("time" if times == 1 else f"time {times}") if is_time else cell.strip())
     names = in_groups(names, rows[at - 1].cells if at else [])
     shown = None if units is None else [*map(of_unit, units)]
-    return Found(
-        Header(names, body.delimiter), body.start, shown, [f"{body.start} lines before the numbers name the channels"]
-    )
+    where = f"line {rows[at].at + 1} names the channels, the {body.start} lines above the numbers are no data"
+    return Found(Header(names, body.delimiter), body.start, shown, [where])
 
 
 def _above(rows: Sequence[Row], body: Body) -> Found:

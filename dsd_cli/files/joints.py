@@ -11,6 +11,7 @@ import numpy as np
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.first_look import FirstLook
+from dsd_cli.files.names_in import IN_BRACKETS
 from dsd_cli.files.recognise import Recognised, recognise
 from dsd_cli.files.tables_in import open_table
 from dsd_cli.files.words import ASKED, MEASURED
@@ -42,7 +43,7 @@ def other_joints(path: str, look: FirstLook, told: Collection[str] = ()) -> tupl
     else:
         shared = max(MOTION, key=lambda one: sum(one in found for found in looks.values()))
         moving = {label: found[shared].column for label, found in looks.items() if shared in found}
-        if len(moving) < 2:
+        if not moving:
             return set(), []
         moves = _moves(path, moving)
         best = max(moves, key=lambda label: moves[label])
@@ -51,6 +52,8 @@ def other_joints(path: str, look: FirstLook, told: Collection[str] = ()) -> tupl
             len(moves) > LISTED
         )
         why = f"it moves most (standard deviation of {shared}: {listed})"
+        if len(moving) < 2:
+            why = f"it alone has a {shared}"
     nearest = sorted(looks, key=lambda label: -moves.get(label, 0.0))
     others = [looks[label]["u"].column for label in nearest if label != best and "u" in looks[label]]
     another = f"; for another one: --force --u {quote(others[0])}" if others else ""
@@ -66,9 +69,13 @@ def joints_of(columns: Sequence[str], found: Mapping[str, Recognised]) -> dict[s
     """
     best: dict[str, set[str]] = {}
     motion = [found[channel].column for channel in MOTION if channel in found]
-    for labels in _families([found["u"].column, *found["u"].equals]) if "u" in found else ():
-        joints = _joints(columns, labels, motion)
-        best = joints if len(joints) > len(best) else best
+    for channel in ("u", *MOTION) if "u" in found else ():
+        for labels in _families([found[channel].column, *found[channel].equals]) if channel in found else ():
+            joints = _joints(columns, labels, motion)
+            of_u = channel == "u" or any(found["u"].column in mine for mine in joints.values())
+            best = joints if of_u and len(joints) > len(best) else best
+        if best:
+            break
     return best
 
 
@@ -83,10 +90,36 @@ def _joints(columns: Sequence[str], labels: Sequence[str], motion: Sequence[str]
     for column, label in product(columns, labels):
         if any(_put(column, label, other) & known for other in labels if other != label):
             joints[label].add(column)
+    for label, column in _single(columns, joints):
+        joints[label].add(column)
     moving = {label for label in labels if any(_in_family(one, labels, label, joints[label]) for one in motion)}
     if len(moving) < 2:
         return {}
     return joints if all(map(str.isdigit, labels)) else {label: joints[label] for label in labels if label in moving}
+
+
+def _single(columns: Sequence[str], joints: Mapping[str, Collection[str]]) -> list[tuple[str, str]]:
+    """(joint, column) of columns that only one joint has: called after it where what is alike for all joints is.
+
+    J2.Vel beside J1.Pos and J2.Pos, also where there is no J1.Vel.
+    """
+    places = {label: set().union(*(_around(one, label) for one in mine)) for label, mine in joints.items()}
+    shared = set().union(*places.values())
+    found = []
+    for column in set(columns).difference(*joints.values()):
+        mine = [label for label in joints if _around(column, label) & shared]
+        found += [(mine[0], column)] if len(mine) == 1 else []
+    return found
+
+
+def _around(column: str, label: str) -> set[tuple[bool, str]]:
+    """What stands before a label in a name, and what behind it, without units: where either is alike, so is the place
+    of the label."""
+    name = IN_BRACKETS.sub("", column).strip()
+    tokens, words = _TOKEN.findall(name), _TOKEN.findall(label)
+    at_all = [at for at in range(len(tokens) - len(words) + 1) if tokens[at : at + len(words)] == words]
+    before = {(True, "".join(tokens[:at])) for at in at_all}
+    return before | {(False, "".join(tokens[at + len(words) :])) for at in at_all}
 
 
 def _numbers(column: str, labels: Sequence[str], columns: Sequence[str]) -> list[str]:

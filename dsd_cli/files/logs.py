@@ -15,7 +15,7 @@ from dsd_cli.files.as_read import as_read
 from dsd_cli.files.command import Command
 from dsd_cli.files.csv_layout import CsvLayout
 from dsd_cli.files.remade import Made
-from dsd_cli.files.scaled import FACTORS, factors_text
+from dsd_cli.files.scaled import FACTORS, applied, factors_text
 from dsd_cli.files.table_source import D_HAT_SOURCE, TableSource
 from dsd_cli.files.tables_in import dropped_with_unreadable, open_table
 from dsd_cli.files.tables_out import open_writer
@@ -100,7 +100,7 @@ def load_log(
         raise DataError(
             f"{table.name}: no row has a value in every needed column ({', '.join(table.columns.values())})"
         )
-    log = _log(table, channels, cleaner.sample_time, factors_text(factors or {}, offsets), command)
+    log = _log(table, channels, cleaner.sample_time, factors_text(*applied(table, factors or {}, offsets)), command)
     _give_back()
     dropped = dropped_with_unreadable(cleaner.dropped, table.unreadable)
     return LoadedLog(log, dropped, (*table.warnings, *cleaner.warnings), restarts, bool(cleaner.regular))

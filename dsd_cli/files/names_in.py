@@ -11,6 +11,7 @@ from dsd_cli.files.words import (
     ELSE,
     MEASURED,
     NAMED,
+    OBJECTS,
     OF_U,
     OTHER_UNITS,
     TIME_UNITS,
@@ -23,9 +24,12 @@ IN_BRACKETS = re.compile(r"[\[(<]\s*([^\])>]*?)\s*[\])>]")
 _NUMBER = re.compile(r"(?:/\d+|\s*[\[(]\d+[\])])+$")
 #: What a simulator of circuits calls a voltage or current that stands for something else: V(torque).
 _PROBE = re.compile(r"[VI]\(([A-Za-z_]\w*)\)")
-HEX = re.compile(r"0x[0-9a-fA-F]+")
+#: A number in hexadecimal, as of an object: 0x6077, 6077h.
+HEX = re.compile(r"0x[0-9a-fA-F]+|\b[0-9a-fA-F]{4}h\b")
 #: Letters and short words have no plural that says anything.
 _LETTERS = 3
+#: At the end of a name it measures something.
+_METERS = (["meter"], ["metre"])
 #: What the time of one channel is called below it.
 _CLOCK = "time"
 _WORD = re.compile(r"[A-Z]+(?![a-z])|[A-Z]?[a-z]+|\d+|°|[\u3041-\u30ff\u4e00-\u9fff]+")
@@ -99,10 +103,16 @@ def unit_in(name: str, channel: str) -> str:
     if channel == "u" and any(before) and unit.lower() in OF_U:
         return unit  # mNm is one word
     words = [word for word in words_in(last) if word != "per"]
-    for many in (2, 1):
+    for many in (2, 1) if words[-1:] not in _METERS else ():
         if len(words) > many and (last := plain_unit("/".join(words[-many:]))) in known:  # RadPerSec
             return last
     return words[-1] if words and words[-1] == "rpm" and channel == "velocity" else ""
+
+
+def unit_of_object(name: str) -> str:
+    """The unit of the object of a drive whose number stands in the name."""
+    numbers = (one.removeprefix("0x").removesuffix("h").lower() for one in HEX.findall(name))
+    return next((OBJECTS[one] for one in numbers if one in OBJECTS), "")
 
 
 def bracketed(name: str) -> list[str]:

@@ -7,7 +7,17 @@ from dataclasses import dataclass
 from functools import cache
 from itertools import dropwhile
 
-from dsd_cli.files.names_in import HEX, IN_BRACKETS, OVER, bracketed, is_named, plain_name, unit_in, words_in
+from dsd_cli.files.names_in import (
+    HEX,
+    IN_BRACKETS,
+    OVER,
+    bracketed,
+    is_named,
+    plain_name,
+    unit_in,
+    unit_of_object,
+    words_in,
+)
 from dsd_cli.files.words import (
     ACCELERATION,
     ASKED,
@@ -110,7 +120,8 @@ def recognise(
             (top, _, best), *rest = sorted(scored, reverse=True)
             others = tuple(column for *_, column in rest)
             equals = tuple(column for score, _, column in rest if score == top)
-            found[channel] = Recognised(channel, best, units.get(best) or unit_in(best, channel), others, equals)
+            unit = units.get(best) or unit_in(best, channel) or unit_of_object(best)
+            found[channel] = Recognised(channel, best, unit, others, equals)
     return found
 
 

@@ -21,8 +21,7 @@ def scaled(table: TableSource, factors: Mapping[str, float], offsets: Mapping[st
     ------
     DataError : the log was written by this tool with such factors in it already.
     """
-    mine = {channel: factor for channel, factor in factors.items() if channel in table.columns and factor != 1.0}
-    off = {channel: offset for channel, offset in (offsets or {}).items() if channel in table.columns}
+    mine, off = applied(table, factors, offsets)
     if not mine and not off:
         return table
     if table.metadata.get(FACTORS):
@@ -31,6 +30,14 @@ def scaled(table: TableSource, factors: Mapping[str, float], offsets: Mapping[st
             "leave signals.u_sign and the keys of its scales and offsets out for this log",
         )
     return _ScaledTable(table, mine, off)
+
+
+def applied(
+    table: TableSource, factors: Mapping[str, float], offsets: Mapping[str, float] | None = None
+) -> tuple[dict[str, float], dict[str, float]]:
+    """(factors that are not 1, offsets) of the channels that the table has."""
+    mine = {channel: factor for channel, factor in factors.items() if channel in table.columns and factor != 1.0}
+    return mine, {channel: offset for channel, offset in (offsets or {}).items() if channel in table.columns}
 
 
 def factors_text(factors: Mapping[str, float], offsets: Mapping[str, float] | None = None) -> str:

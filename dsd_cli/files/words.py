@@ -116,6 +116,10 @@ OF_U: Mapping[str, tuple[str, float]] = {
 SHARES = {"%", "‰"}
 _OF_RATED = r"( ?(of )?(the )?\(?(rated|nominal|max|peak|full|fs|nenn|in\b|mn\b).*)?"
 _SHARE = re.compile(r"(%|‰|0[.,]1 ?%|per ?mille?|1/1000)" + _OF_RATED)
+#: Objects of a drive (CiA 402) -> their unit: shares of what it is rated for, and places and speeds, which are in
+#: increments where nobody changed that.
+OBJECTS = {f"60{end}": "‰" for end in ("71", "72", "73", "74", "77", "78")}
+OBJECTS |= {f"60{end}": "inc" for end in ("62", "64", "67", "7a")} | {f"60{end}": "inc/s" for end in ("6b", "6c", "ff")}
 #: Units of an encoder, whose resolution no log says.
 COUNTS = {
     "inc", "incr", "increments", "inkr", "count", "counts", "cnt", "cts", "qc", "pulse", "pulses", "ticks", "steps",
@@ -149,6 +153,25 @@ def whole_unit(unit: str) -> str:
     return plain_unit(parts_of(unit)[1])
 
 
+#: Units in whole words -> their signs; a prefix stands before those of metres and of what u is.
+_PREFIXES = {"micro": "u", "milli": "m", "centi": "c", "kilo": "k", "": ""}
+_SPELLED = {"newton": "n", "ampere": "a", "amp": "a", "volt": "v", "meter": "m", "metre": "m", "radian": "rad"}
+_SIGNS = {f"{prefix}{word}": f"{_PREFIXES[prefix]}{sign}" for prefix in _PREFIXES for word, sign in _SPELLED.items()}
+_SIGNS |= {"degree": "deg", "revolution": "rev", "rotation": "rot", "micron": "um"}
+_IN_WORDS = re.compile(rf"({'|'.join(sorted(_SIGNS, key=len, reverse=True))})s?")
+_PER = re.compile(r"\s*(?:/|\bper\b)\s*(?:(s|secs?|seconds?)|(min|minutes?))\b")
+
+
+def _in_signs(text: str) -> str:
+    """`micrometers` as um, `newton-metres` as nm, `revolutions per minute` as rev/min."""
+    whole, per = _PER.sub("", text), _PER.search(text)
+    words = re.split(r"[\s*-]+", whole)
+    if not all(map(_IN_WORDS.fullmatch, words)):
+        return _PER.sub(lambda one: "/s" if one[1] else "/min", text) if per else text
+    signs = "".join(_SIGNS[one if one in _SIGNS else one.removesuffix("s")] for one in words)
+    return signs + ("" if per is None else "/s" if per[1] else "/min")
+
+
 def plain_unit(unit: str) -> str:
     """A unit as the tables have it, whose key it may be: `N·m` and `N.m` are n*m, `µm` is um, `rad/sec` rad/s.
 
@@ -157,7 +180,7 @@ def plain_unit(unit: str) -> str:
     text = unit.strip().lower().replace("·", "*").replace("⋅", "*").replace("n.m", "n*m")
     if share := _SHARE.fullmatch(text):
         return "%" if share[1] == "%" else "‰"
-    return text.replace("µ", "u").replace("μ", "u").replace("/sec", "/s")
+    return _in_signs(text.replace("µ", "u").replace("μ", "u")).replace("/sec", "/s")
 
 
 def quaternions(names: Collection[str]) -> set[str]:

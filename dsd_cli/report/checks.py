@@ -165,10 +165,10 @@ def _print_parameters(console: Any, parameters: Sequence[Parameter], units: Unit
     from rich.table import Table
 
     table = Table(box=None, padding=(0, 2, 0, 0))
-    for name in ("value", "on this log", "fitted in the band"):
+    for name in ("value", "on this log", "value by the fit in the band"):
         table.add_column(name, no_wrap=True)
     for one in parameters:
-        fitted = estimate_text(Estimate(one.value, one.std_error, one.unit)) if one.identified != "not" else "-"
+        fitted = estimate_text(Estimate(one.value, one.std_error, one.unit)) if one.identified != "not" else "no value"
         table.add_row(escaped(one.name), "below 0" if _impossible(one) else GRADES[one.identified], escaped(fitted))
         for other in one.tied_to:
             table.add_row(escaped(f"  indistinguishable from {other}"))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
@@ -126,7 +127,11 @@ def print_table(result: Detection, file: Any) -> None:
         table.add_column(name, justify="right")
     for segment in summary.segments[:MOST_SEGMENTS]:
         values = [f"{value:g}" for value in segment.values.values()]
-        table.add_row(_stamp(segment.start), _stamp(segment.end), *values, _percent(segment.confident_share))
+        table.add_row(
+            *(_stamp(t, result.sample_time) for t in (segment.start, segment.end)),
+            *values,
+            _percent(segment.confident_share),
+        )
     console.print(table)
     _more(console, summary.segments_total, MOST_SEGMENTS, "segments")
     for line in result.changes.lines() if result.changes is not None else ():
@@ -211,9 +216,11 @@ def _final(result: Detection) -> str:
     return ", ".join(f"{name} {value:g} {units.get(name, '')}".strip() for name, value in result.summary.final.items())
 
 
-def _stamp(t: float) -> str:
-    """Seconds; an epoch stamp needs all its digits."""
-    return f"{t:g}" if abs(t) < 1e5 else f"{t:.3f}"
+def _stamp(t: float, apart: float | None) -> str:
+    """Seconds, with the digits that distinguish one sample from the next: the time of day and an epoch have many."""
+    behind = 3 if not apart else max(math.ceil(-math.log10(apart)), 0)
+    before = math.floor(math.log10(abs(t))) + 1 if abs(t) >= 1.0 else 1
+    return f"{t:.{max(before + behind, 6)}g}"
 
 
 def _percent(share: float) -> str:

@@ -83,9 +83,9 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
         line = f"{_as_given(winner, given)} of [model] {verb} wrong: {values}{sure}{beside}; {held} {falls}"
     else:
         line = f"{winner.effect} {verb} missing: {values}{sure}{beside}; {held} {falls}"
-    line += f"; {assumed_text(placed)}" if placed else ""
     line += f"; from this log it is indistinguishable from {listed(tied, 'or')}" if tied else ""
-    return line + late_text(dict.fromkeys((winner.effect, *tied, *result.found)), result.provenance)
+    line += late_text(dict.fromkeys((winner.effect, *tied, *result.found)), result.provenance)
+    return line + (f"; {assumed_text(placed)}" if placed else "")
 
 
 def late_text(effects: Iterable[str], provenance: Mapping[str, str]) -> str:
@@ -162,8 +162,8 @@ def _nothing(result: Diagnosis, sure: str, held: str) -> str:
     said = f"{'nothing' if sure_enough else 'perhaps nothing'} is missing ({sure})"
     noise = "is noise" if sure_enough else "may be noise"
     if result.at_stops:
-        hidden = "what stops and creeping hide, where most of what the fit leaves is from"
-        return f"{said} but {hidden}: {held} is {error(left)} ({unit})"
+        hidden = "most of what the fit leaves is from stops and creeping, where a missing effect would not show"
+        return f"{said}, as far as this log shows: {hidden}; {held} is {error(left)} ({unit})"
     own = result.refitted.rmse
     if not result.held_out or left <= POLICY.floor_factor * max(own, result.floor):
         return f"{said}: {held}, {error(left)} ({unit}), {noise}"

@@ -97,7 +97,7 @@ def _held_out(columns: Array, y: Array) -> float:
     return max(0.0, 1.0 - left / total) if total > 0.0 else 0.0
 
 
-AS_TOLD, ONLY_CAUSE = "as you say", "only what makes it move says so"
+AS_TOLD, ONLY_CAUSE = "as you say", "nothing else says that it is the motion"
 
 
 @dataclass(frozen=True)
@@ -264,7 +264,7 @@ def _as_well(look: Look, share: float, motion: Motion, name: str) -> list[str]:
 def _take(look: Look, share: float, motion: Motion, name: str) -> None:
     found = look.found
     if not any(role in found for role in ("velocity", "position")):
-        found[motion.kind] = Guess(motion.column, f"its {_parts(motion.kind)} explain {name}", ONLY_CAUSE)
+        found[motion.kind] = Guess(motion.column, f'its {_parts(motion.kind)} explain "{name}"', ONLY_CAUSE)
     if "u" in found:
         return
     why = f"{_parts(motion.kind)} of {motion.column} explain {100 * share:.0f} % of it"
@@ -274,4 +274,4 @@ def _take(look: Look, share: float, motion: Motion, name: str) -> None:
 
 
 def _parts(kind: str) -> str:
-    return "acceleration, speed and direction" + (" and place" if kind == "position" else "")
+    return "acceleration, speed, direction and place" if kind == "position" else "acceleration, speed and direction"

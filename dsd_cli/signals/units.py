@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 #: What the words mean; for the foot of a table.
@@ -132,3 +133,13 @@ class Units:
 def in_words(unit: str) -> str:
     """`{u}/({v})` -> `u/v`; whatever else is in it stays."""
     return Units().words(unit)
+
+
+#: Channel -> what its column is to be multiplied by -> what keys of [signals] must be for that.
+KeysOf = Callable[[Mapping[str, float]], Sequence[str]]
+
+
+def scales(applied: Mapping[str, float], more: Mapping[str, float]) -> list[str]:
+    """Those keys where nothing but factors is in [signals]."""
+    keys = {name: f"{name}_{'sign' if name == 'u' else 'scale'}" for name in more}
+    return [f"signals.{keys[name]} = {applied.get(name, 1.0) * factor:.6g}" for name, factor in more.items()]

@@ -475,7 +475,7 @@ def test_the_units_of_a_preamble_hold_for_the_columns_below(tmp_path: Path) -> N
 def test_check_says_how_the_file_was_read(tmp_path: Path) -> None:
     strangers.twincat(tmp_path, AXIS)
     done("init", "scope.csv", cwd=tmp_path)
-    assert "lines before the numbers name the channels" in done("check", "scope.csv", cwd=tmp_path).stderr
+    assert "names the channels, the" in done("check", "scope.csv", cwd=tmp_path).stderr
 
 
 def test_matrices_that_have_their_time_in_the_first_column(tmp_path: Path) -> None:

@@ -42,8 +42,8 @@ def test_the_verdict_is_one_sentence() -> None:
         " may be noise"
     )
     assert verdict_line(replace(NOTHING, at_stops=True)) == (
-        "nothing is missing (probability 93 %) but what stops and creeping hide, where most of what the fit leaves is"
-        " from: the held-out force error below 31.4 Hz is 0.113 (unit of u)"
+        "nothing is missing (probability 93 %), as far as this log shows: most of what the fit leaves is from stops and"
+        " creeping, where a missing effect would not show; the held-out force error below 31.4 Hz is 0.113 (unit of u)"
     )
     assert "the held-out force error falls" in verdict_line(replace(DIAGNOSIS, band_hz=NAN))
     assert verdict_line(UNKNOWN) == (

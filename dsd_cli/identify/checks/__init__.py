@@ -7,11 +7,12 @@ findings = to_mend_first(result)      # what must be said before anything else
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
+from functools import partial
 
 import numpy as np
 
 from dsd_cli.identify.checks import clock, values
-from dsd_cli.identify.checks.channels import check_channels, check_jumps, settled, times_too_large, without_late
+from dsd_cli.identify.checks.channels import check_channels, check_jumps, in_one, settled, times_too_large, without_late
 from dsd_cli.identify.checks.disturbance import check_alone, check_disturbance, check_maker, observed
 from dsd_cli.identify.checks.excitation import check_excitation, excitation
 from dsd_cli.identify.checks.fitted import Sides, sides_of
@@ -24,6 +25,7 @@ from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
 from dsd_cli.plant.maker import Maker
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
+from dsd_cli.signals.units import KeysOf, scales
 
 __all__ = [
     "CheckResult",
@@ -49,6 +51,7 @@ def check_log(
     *,
     dropped: Mapping[str, int] | None = None,
     factors: Mapping[str, float] | None = None,
+    keys_of: KeysOf | None = None,
     u_shift: float = 0.0,
     maker: Maker | None = None,
     with_values: bool = True,
@@ -59,7 +62,7 @@ def check_log(
     observer : of a logged d_hat; without it d_hat is not judged.
     restarts : samples that do not continue the one before.
     dropped : rows that were not taken as they are, as `Cleaner.dropped` has them.
-    factors, u_shift : of [signals], that are in the log already, for remedies that name these keys.
+    factors, u_shift : of [signals], that are in the log already, and `keys_of` what its keys must be to multiply more.
     maker : of [observer] filter and u, whose d_hat has been turned into that of this package; None is as here.
     with_values : whether those of the model are looked at, too; `biased_by_noise` does it later, by the same view.
     """
@@ -81,7 +84,7 @@ def check_log(
         found += _leaning(parameters)
         if model is not None:
             found += _below_zero(view, sides) or [*_bent(parameters), *_not_told(parameters)]
-    worded = [one.worded(factors or {}, u_shift) for one in found]
+    worded = [one.worded(keys_of or partial(scales, factors or {}), u_shift) for one in found]
     return CheckResult(
         log.source,
         tuple(sorted(worded, key=lambda one: (_ORDER[one.severity], -one.sure))),
@@ -183,7 +186,7 @@ def _judged(
     d_hat = None if observer is None else observed(view, observer)
     found, contradict = settled(found, applied, view, times_too_large(view, model, d_hat, observer))
     signs = values.check_signs(view, opposite, d_hat, 1 if observer is None else observer.sign)
-    found += [*values.check_sensor(view), *signs]
+    found = [*in_one(found, signs), *values.check_sensor(view)]
     if contradict and applied:
         return found  # which of two motions the inertia and d_hat belong to is not known
     if observer is not None and d_hat is not None and not signs:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 from dsd_cli.identify.fit.estimates import Grade
-from dsd_cli.signals.units import Units
+from dsd_cli.signals.units import KeysOf, Units
 
 if TYPE_CHECKING:
     from dsd_cli.identify.checks.scan import View
@@ -44,20 +44,14 @@ class Finding:
     late_channel: str = ""
     late_by: float = 0.0
 
-    def worded(self, applied: Mapping[str, float], u_shift: float = 0.0) -> Finding:
-        """With a remedy that says what the keys of [signals] must be, where these are in them already."""
-        keys = [_key(channel, factor, applied.get(channel, 1.0)) for channel, factor in self.multiply]
+    def worded(self, keys_of: KeysOf, u_shift: float = 0.0) -> Finding:
+        """With a remedy that says what the keys of [signals] must be."""
+        keys = [*keys_of({c: math.prod(x for other, x in self.multiply if other == c) for c, _ in self.multiply})]
         keys += [f"signals.u_shift = {u_shift - self.late:.3g}"] if self.late else []
         if not keys:
             return self
         joint = ", " if self.remedy.startswith("or ") else " and "
         return replace(self, remedy=" and ".join(keys) + (joint + self.remedy if self.remedy else ""))
-
-
-def _key(channel: str, factor: float, applied: float) -> str:
-    if channel == "u":
-        return f"signals.u_sign = {-1 if applied > 0.0 else 1}"
-    return f"signals.{channel}_scale = {applied * factor:.6g}"
 
 
 @dataclass(frozen=True)

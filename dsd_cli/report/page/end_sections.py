@@ -101,7 +101,9 @@ def _checked_values(story: Story) -> Html | None:
             )
             for one in check.parameters
         ]
-        made.append(table(("of the model as given", "identifiability", "fitted in the band", ""), rows, "", log))
+        made.append(
+            table(("of the model as given", "identifiability", "value by the fit in the band", ""), rows, "", log)
+        )
     return (
         tag("details", tag("summary", "Which values of the model as given are identifiable from each log"), *made)
         if made
@@ -111,7 +113,7 @@ def _checked_values(story: Story) -> Html | None:
 
 def _fitted(one: Parameter) -> str:
     if one.identified == "not":
-        return "-"
+        return "no value"
     return typeset(estimate_text(Estimate(one.value, one.std_error, one.unit)))
 
 

@@ -1,5 +1,7 @@
 """Velocity against position: units, signs, lateness; wraps; counts; degrees."""
 
+import re
+
 import numpy as np
 import pytest
 
@@ -190,3 +192,15 @@ def test_a_velocity_of_an_axis_that_turns_one_way_is_as_late_as_it_is(turning, l
     (one,) = slope
     assert float(one.what.split()[2]) == pytest.approx(14.0, abs=0.6)  # ms
     assert one.what.startswith("velocity is")
+
+
+@pytest.mark.parametrize("other", ["velocity", "position"])
+def test_the_other_sign_and_another_size_are_one_remedy(other):
+    """Neither alone mends a motor's speed in the other direction beside the position behind its gear."""
+    c = servo("velocity").channels
+    turned = {name: -c[name] if name == other else c[name] for name in ("velocity", "position")}
+    turned["velocity"] = 80.0 * turned["velocity"]
+    error = only_error(check_log(log_of(servo("velocity"), **turned)))
+    scales = dict(re.findall(r"signals\.(\w+)_scale = ([-\d.e]+)", error.remedy))
+    mended = {name: float(scales.get(name, 1.0)) * values for name, values in turned.items()}
+    assert check_log(log_of(servo("velocity"), **mended)).errors == ()
