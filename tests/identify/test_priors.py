@@ -240,7 +240,9 @@ def _deviations(clean, model, known, seed):
     return [(name, (e.value - true[name]) / e.std_error) for name, e in found.items() if not e.held]
 
 
-@pytest.mark.parametrize(("name", "shape"), [("backlash", {"gap": 0.0015, "slowing": 0.0}), ("flexible_coupling", {"damping": 0.1})])
+@pytest.mark.parametrize(
+    ("name", "shape"), [("backlash", {"gap": 0.0015, "slowing": 0.0}), ("flexible_coupling", {"damping": 0.1})]
+)
 def test_beside_a_held_inertia_a_load_is_no_negative_mass(name, shape):
     """J0 a less as much of a load that hardly swings is 0 whatever acts, and would explain every log.
 
