@@ -162,11 +162,13 @@ def measured(plain: Bank, before: Solver, fit: Fit) -> tuple[Solver, Noise]:
     solver, noise = _beside(bank, residual, before)
     if not has_friction(fit.terms):
         return solver, noise
-    trusting = weighed(solver.fit(fit.terms, fit.tap), solver, plain).solver.bank
-    row_weight = trusting.equations.row_weight
+    found = weighed(solver.fit(fit.terms, fit.tap), solver, plain)
+    trusting, row_weight = found.solver.bank, found.solver.bank.equations.row_weight
     if row_weight is None or float(np.mean(row_weight[equations.kept] == 1.0)) <= POLICY.sure_part:
         return solver, noise  # too few are sure to tell a whole set by: on the XL330 7 %
-    return _beside(Bank(trusting.equations, plain, trusting.variance), residual, before)
+    solver, noise = _beside(Bank(trusting.equations, plain, trusting.variance), residual, before)
+    noise = replace(noise, variance=min(noise.variance, found.variance))  # no fit leaves less than the noise
+    return before.on(solver.bank, noise.variance * noise.inflation), noise
 
 
 def whitening_of(equations: Equations, residual: Array) -> list[Array]:

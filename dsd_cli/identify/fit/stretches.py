@@ -234,7 +234,10 @@ def stretch_of(log: Log, recording: Recording, owner: int) -> Stretch:
     """A piece of that recording, which is number `owner`."""
     sensor, frame = recording.sensor, Frame(log)
     speed = log["velocity"]
-    known = ~resting(speed, log["rest_speed"])
+    way, known = direction(speed, log["speed_noise"]), ~resting(speed, log["rest_speed"])
+    clear = np.abs(way) == 1.0
+    if len({*way[known & clear].tolist()}) == 1:  # what never turns round rests wherever the sensor shows no motion
+        known &= clear
     return Stretch(
         log=log,
         frame=frame,
@@ -243,7 +246,7 @@ def stretch_of(log: Log, recording: Recording, owner: int) -> Stretch:
         sensed=SensorMotion(log, sensor),
         free=known.astype(np.float64),
         clear=log["clear"] if "clear" in log else np.ones(len(log)),
-        sign=np.where(known, direction(speed, log["speed_noise"]), 0.0),
+        sign=np.where(known, way, 0.0),
         measured=log["acceleration"],
         two_intervals=sensor.two_intervals,
         stepping=log.u_hold == "held" and "white" not in log,

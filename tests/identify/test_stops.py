@@ -1,0 +1,77 @@
+"""What an axis does around its stops, where friction is anything between its levels, is no evidence for another law."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.fit.row_weights import weighed
+from dsd_cli.identify.fit.testability import Settings
+from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.diagnose import diagnose
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Log
+
+STEP, PARTS = 1e-2, 40
+
+
+def _driven(speed: np.ndarray, inertia: float, level: float, damping: float, count: float, rate: float):
+    """Log of an axis that truly sticks (Moreau's time stepping), in a loop with an integrator, u a sample late."""
+    place, h = np.cumsum(speed) * STEP, STEP / PARTS
+    kp, kd, ki = inertia * rate**2, 1.6 * inertia * rate, 0.1 * inertia * rate**3
+    q = v = total = slow = before = late = 0.0
+    rows = []
+    for target, wanted in zip(place, speed, strict=True):
+        seen = count * round(q / count)
+        slow += 0.4 * ((seen - before) / STEP - slow)
+        before, total = seen, total + ki * (target - seen) * STEP
+        u = kp * (target - seen) + kd * (wanted - slow) + total
+        rows.append((u, seen))
+        for _ in range(PARTS):
+            free = v + h * (late - damping * v) / inertia
+            now = 0.0 if abs(free) <= h * level / inertia else free - np.sign(free) * h * level / inertia
+            q, v = q + 0.5 * h * (v + now), now
+        late = u
+    u, position = np.array(rows).T
+    return Log({"t": STEP * np.arange(len(u)), "u": u, "position": position}, STEP, "log.csv")
+
+
+def _held(speeds, seconds: float, most: float) -> np.ndarray:
+    """One constant speed after the other, with ramps between them."""
+    wanted, found, now = np.repeat(speeds, int(seconds / STEP)), [], 0.0
+    for x in wanted:
+        now += np.clip(x - now, -most * STEP, most * STEP)
+        found.append(now)
+    return np.array(found)
+
+
+def _answer(log: Log, model: PlantModel):
+    observer = ObserverSettings(model.inertia, 0.05)
+    return diagnose([prepare(log, observer)], model, observer, Settings(linear=True))
+
+
+def _pump(seed: int, rate: float) -> Log:
+    """One way, with rests; 300 of Coulomb and 4e4 of viscous friction."""
+    strokes = np.column_stack([np.random.default_rng(seed).uniform(0.4, 3.0, 5), np.zeros(5)])
+    return _driven(1e-3 * _held([0.0, *strokes.ravel()], 1.5, 20.0), 3000.0, 300.0, 4e4, 5e-7, rate)
+
+
+def test_a_complete_model_leaves_the_noise_and_no_less() -> None:
+    """Functions without a law lean on what stops leave, and fit the sure rows less well than the model itself."""
+    effects = {"coulomb_friction": {"level": 300.0}, "viscous_friction": {"coefficient": 4e4}}
+    pump = prepare(_pump(640302, 23.0), ObserverSettings(3000.0, 0.05))
+    problem = pose([pump], PlantModel(3000.0, STEP, effects), Settings(linear=True))
+    search = Search(problem.measured_again(Search(problem).refit))
+    left = weighed(search.refit, search.solver, search.problem.errors.bank).variance
+    assert 0.5 * left < search.noise.variance < 1.5 * left
+
+
+@pytest.mark.parametrize("known", [True, False])
+def test_a_pump_that_rests_between_its_strokes_has_no_load_in_place_of_its_friction(known: bool) -> None:
+    effects = {"coulomb_friction": {"level": 300.0}} if known else {"viscous_friction": {"coefficient": 4e4}}
+    found = _answer(_pump(640202, 17.0), PlantModel(3000.0, STEP, effects))
+    missing = {one.effect for one in found.missing}
+    assert missing == {"viscous_friction" if known else "coulomb_friction"}
+    assert found.estimates["coulomb_friction.level"].value == pytest.approx(300.0, rel=0.01)
