@@ -65,7 +65,7 @@ def _of_joint(terms: JointTerms, inertia: float) -> list[Values]:
 EFFECT = Effect(
     id="backlash",
     role=Role.STRUCTURE,
-    law="a_l = wa^2 dz(qm - ql, gap/2) with contact damping - (load_level/(s J)) sgn vl, wa^2 = k/(s J)",
+    law="a_l = wa^2 dz(qm - ql, gap/2), damped, - load_level sgn(vl)/s/J, wa^2=k/s/J",
     summary="Play between motor and load: worn gears, couplings and screws. position and velocity of the log are those "
     "of the motor. The contact has a fixed damping ratio of 0.3. The load may have Coulomb friction of its own.",
     pattern="after each reversal the axis feels light for a moment, then the residual kicks as the load is picked up",

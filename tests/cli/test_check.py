@@ -116,14 +116,15 @@ def test_a_log_that_cannot(rig):
 
 
 def test_the_remedies_mend_it(rig):
-    """The key and value of a remedy, given with --set, leave nothing to say."""
+    """The keys and values of a remedy, given with --set, leave nothing to say."""
     c = servo().channels
     write(rig, "units.csv", {**c, "velocity": c["velocity"] * 60.0 / (2.0 * np.pi), "position": -c["position"]})
     settings: list[str] = []
     for _ in range(3):
         wrong = [one for one in checked("units.csv", *settings, cwd=rig)["findings"] if one["severity"] == "error"]
         for one in wrong[:1]:
-            settings += ["--set", one["remedy"].replace(" = ", "=")]
+            for key in one["remedy"].split(" and "):
+                settings += ["--set", key.replace(" = ", "=")]
     assert wrong == []
     assert {s.split("=")[0] for s in settings[1::2]} == {"signals.velocity_scale", "signals.position_scale"}
 
