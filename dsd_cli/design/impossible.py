@@ -21,6 +21,8 @@ from dsd_cli.design.targets import GAIN, Targets, apart, within_reach
 from dsd_cli.design.verified import GENTLE
 from dsd_cli.effects import catalogue, find_effect, kind_of
 from dsd_cli.errors import DataError
+from dsd_cli.identify.missing import Unexplained
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Diagnosis
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel
@@ -30,6 +32,7 @@ from dsd_cli.plant.motion import Plant
 _PLACES, _NO_MOTOR = 50, 1e-3
 #: s of the motion that tells most, and the nats that it has to reach in that time.
 _PATIENCE, _LEAST = 120.0, 6.0
+_NO_LAW = "no effect of the catalogue describes it: log what it may depend on, or write it as your own (--effects-from)"
 _GAIN_TOLD = "weigh a mass, mount it and hold its inertia in the next fit (--fix inertia=...), or measure u as a force"
 
 
@@ -49,6 +52,9 @@ def not_by_motion(search: Search, targets: Targets, diagnosis: Diagnosis | None)
     for name, reason in search.problem.untestable.items():
         if reason in lacking and (not targets.asked or name in targets.asked):
             found.append(Impossible(name, reason))
+    more = diagnosis.unexplained if diagnosis is not None and not (targets.asked or targets.unknown) else Unexplained()
+    if more.probability >= POLICY.even:
+        found.append(Impossible(f"what stays unexplained, {100.0 * more.share_of_u:.0f} % of u", _NO_LAW))
     return found
 
 

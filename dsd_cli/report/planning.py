@@ -125,7 +125,9 @@ def headline(plan: Plan) -> str:
     logs = ", ".join(plan.logs)
     if plan.motion is None:
         return f"{logs}: no motion is written: " + (
-            "none within the limits settles what is open" if plan.pairs or plan.values else "nothing is left open"
+            "none within the limits settles what is open"
+            if plan.pairs or plan.values
+            else f"{'no motion can be planned for what' if plan.impossible else 'nothing'} is left open"
         )
     kinds = list(dict.fromkeys(s.kind for s in plan.stages))
     told = [p for p in plan.pairs if p.nats_expected > TOLD]
