@@ -164,7 +164,7 @@ _PER = re.compile(r"\s*(?:/|\bper\b)\s*(?:(s|secs?|seconds?)|(min|minutes?))\b")
 
 def _in_signs(text: str) -> str:
     """`micrometers` as um, `newton-metres` as nm, `revolutions per minute` as rev/min."""
-    whole, per = _PER.sub("", text), _PER.search(text)
+    whole, per = _PER.sub("", text, count=1), _PER.search(text)  # a second one stays: an acceleration is no speed
     words = re.split(r"[\s*-]+", whole)
     if not all(map(_IN_WORDS.fullmatch, words)):
         return _PER.sub(lambda one: "/s" if one[1] else "/min", text) if per else text

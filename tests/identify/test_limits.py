@@ -323,11 +323,11 @@ def test_what_creeping_leaves_behind_1024_counts_is_no_law_that_nobody_knows(see
     assert diagnose([recording], model, observer).verdict == "none"
 
 
-def test_where_a_friction_would_explain_the_creeping_nothing_is_missing_is_half_sure():
+def test_where_a_friction_would_explain_the_creeping_nothing_is_sure():
     """A strong Stribeck friction behind 4096 counts shows nowhere else: "none, 80 %", with 20 % of u unexplained."""
     recording, model, observer = given(RigCase(what=("stribeck_friction",), seed=52107, sensing="enc4096"))
     found = diagnose([recording], model, observer)
-    assert (found.verdict, found.nearest) == ("none", "stribeck_friction")
+    assert found.nearest == "stribeck_friction"
     assert found.probability <= 0.5
     assert any("whether it is stribeck_friction" in line for line in found.advice)
 

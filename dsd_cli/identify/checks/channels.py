@@ -219,7 +219,7 @@ def settled(
 def in_one(found: Sequence[Finding], signs: Sequence[Finding]) -> list[Finding]:
     """All findings; where the velocity has another size and the other sign than the slope, neither mends it alone."""
     sized = [one for one in found if one.ratio and one.multiply]
-    if not sized or not signs or signs[0].multiply[0][0] == "u":
+    if not sized or not signs or not signs[0].multiply or signs[0].multiply[0][0] == "u":
         return [*found, *signs]
     both = [replace(f, what=f"{f.what}; {signs[0].what}", multiply=f.multiply + signs[0].multiply) for f in sized]
     return [*both, *(one for one in found if one not in sized), *signs[1:]]

@@ -214,12 +214,22 @@ def check_signs(view: View, opposite: bool, d_hat: Observed | None, observer_sig
     if turned > SURE or blamed == "u":
         what = "u has the other sign than the motion it causes"
         return [Finding(what, "u", "error", turned if turned > SURE else 0.95, multiply=(("u", -1.0),))]
-    if turned > 1.0 - SURE and view.forward is not None and not (d_hat is not None and d_hat.clear):
-        what = f"u has the other sign than the motion it causes, or a delay of {view.forward.shift * 1e3:.3g} ms"
+    if turned > 1.0 - SURE and not (d_hat is not None and d_hat.clear) and _half_a_cycle_apart(view):
+        late = 0.0 if view.forward is None else view.forward.shift * 1e3
+        other = f"the motion comes {abs(late):.3g} ms {'early' if late < 0.0 else 'late'}"
+        what = f"u has the other sign than the motion it causes ({100.0 * turned:.0f} %), or {other}"
         what = f"{what}: like any sine, this motion cannot say which"
         remedy = "record a few different moves from rest as well; signals.u_sign turns u"
-        return [Finding(what, "u", "warning", turned, remedy, first=True)]
+        return [Finding(what, "u", "warning", SURE, remedy, first=True)]
     return []
+
+
+def _half_a_cycle_apart(view: View) -> bool:
+    """Whether both signs explain u at delays that differ by half of what the motion comes again after."""
+    if view.forward is None or view.backward is None:
+        return False
+    halves = 2.0 * abs(view.forward.shift - view.backward.shift) / view.cycle
+    return abs((halves + 1.0) % 2.0 - 1.0) > 0.5
 
 
 def _sees(view: View) -> bool:

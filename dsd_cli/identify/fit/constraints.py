@@ -103,7 +103,7 @@ class Rules:
         term = next(t for t in self.terms if t.id == effect)
         unit = inertia if term.effect.role is Role.STRUCTURE else 1.0
         own = tuple(float(c) / (unit or 1e-300) for c in theta[self._columns(term)])
-        return float(term.effect.from_columns(own, term.shape, inertia)[parameter])
+        return float(term.effect.from_columns(own, term.shape, inertia).get(parameter, 0.0))  # an optional one
 
     def _columns(self, term: Term) -> slice:
         position = self.terms.index(term)

@@ -195,7 +195,10 @@ def cycle_of(speed: Array, sample_time: float) -> float:
         return math.inf
     first = int(np.argmax(again))
     last = first + int(np.argmin(np.append(again[first:], False)))
-    return float(gone[0] + first + int(np.argmax(later[first:last]))) * step * sample_time
+    lag = int(gone[0]) + first + int(np.argmax(later[first:last]))
+    times = max((len(alike) - 1) // lag, 1)  # so many cycles later it is known to that part of a sample
+    begin = times * lag - times // 2
+    return (begin + int(np.argmax(alike[begin : times * (lag + 1)]))) / times * step * sample_time
 
 
 def _sized(x: Array) -> Array:

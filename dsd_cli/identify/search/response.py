@@ -38,6 +38,8 @@ from dsd_cli.signals.spread import rms
 
 #: Rounds in which the delay is moved, samples that it moves at most, and less than which it stays.
 _ROUNDS, _MOST_MOVED, _NEAR = 5, 3.0, 0.3
+#: Share of the resolution of a spectrum to which a line is known; of harmonics, to which one has to be, to be none.
+_LINE, _KNOWN = 0.25, 0.1
 #: What a play is sought beside, found or not: a play that nobody knows of hides friction, and friction hides a play.
 _IN_ANY_AXIS = ("coulomb_friction", "viscous_friction")
 #: Roles of effects that are none of the other forces.
@@ -150,8 +152,10 @@ def _steady_line(search: Search, look: _Look) -> float:
     rest, step = left(look.modes.rigid(), look.signals.target), look.signals.step
     hz = strongest_line(look.signals, rest, search.equations.band.hz)
     calm, cycle = without_line(look.signals, hz)(rest), search.equations.recordings[0].cycle
-    off = abs((hz * cycle + 0.5) % 1.0 - 0.5)  # a harmonic, as far as the cycle is known; NaN where nothing repeats
-    rounded = off < 2.0 * hz * step + cycle / (len(rest) * step) and rms(rest - calm) < rms(calm)
+    # of a harmonic, and how far the cycle tells it (too little, and any line is one); NaN where nothing repeats
+    off = abs((hz * cycle + 0.5) % 1.0 - 0.5)
+    known = (0.5 * POLICY.least_cycles * hz * step + _LINE) * cycle / (len(rest) * step)
+    rounded = off < known < _KNOWN and rms(rest - calm) < rms(calm)
     return hz if _agreed(gains(rest, calm)) and not rounded else math.nan
 
 

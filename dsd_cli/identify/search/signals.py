@@ -79,7 +79,7 @@ def delay_of(search: Search, fit: Fit) -> float:
     return (fit.tap + min(max(float(fit.total[SHARE]), 0.0), 1.0)) * search.solver.bank.tap_time
 
 
-def signals_of(search: Search, fit: Fit, delay: float) -> Signals | None:
+def signals_of(search: Search, fit: Fit, delay: float, fewest: int = _FEWEST) -> Signals | None:
     """The signals beside the effects of a fit, u that late (s); None where too few rows are left."""
     equations = search.problem.errors.bank.equations.in_full()
     step, noise = equations.sample_time, equations.recordings[0].sensor.noise
@@ -104,7 +104,7 @@ def signals_of(search: Search, fit: Fit, delay: float) -> Signals | None:
         kept.append((rows >= equations.startup + min(_FORGOTTEN / step, _MOST_FORGOTTEN * len(rows))) & (free > 0.0))
     inertia = float(fit.total[INERTIA])
     white = _whitener(noise.kind, noise.pole, math.exp(-2.0 * math.pi * equations.band.hz * step))
-    if sum(int(k.sum()) for k in kept) < _FEWEST or not inertia > 0.0:  # u turned round leaves no inertia
+    if sum(int(k.sum()) for k in kept) < fewest or not inertia > 0.0:  # u turned round leaves no inertia
         return None
     target = _target(equations.stretches, kept, white, inertia)
     return Signals(equations.stretches, force, shift, given, target, inertia, kept, white, step, held)

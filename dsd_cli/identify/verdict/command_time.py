@@ -37,6 +37,8 @@ _WHY_LATE = "Another clock, a filtered u, or the mean of the interval that ends 
 _MOST_LATE = 0.1
 #: Shortest filter that is said, samples: a clock that was made even smooths u by one.
 _SHORTEST = 2.0
+#: Rows at the full rate that show one.
+_FEWEST = 300
 #: Longest filter that is looked for, s.
 _LONGEST = 0.05
 
@@ -137,7 +139,9 @@ def _by_motion(search: Search, late: Fit, freed: _Freed) -> bool:
     """
     part = search.excerpt or search
     fit = part.fit(late.terms, late.tap)
-    plain, early = (signals_of(part, fit, d) for d in (delay_of(part, fit), freed.tap * part.solver.bank.tap_time))
+    plain, early = (
+        signals_of(part, fit, d, _FEWEST) for d in (delay_of(part, fit), freed.tap * part.solver.bank.tap_time)
+    )
     if plain is None or early is None:
         return False
     rows = [np.column_stack([s.rows(x) for x in (s.force, s.shift, *s.given)]) for s in (plain, early)]
