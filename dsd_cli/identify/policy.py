@@ -114,6 +114,7 @@ class Policy:
     rival_deviations: float = 2.5  # standard errors over the blocks below which a lead is uncertain
     rival_share_in_misfit: float = 0.9  # of the winner's explained power that suffices where something unknown is left
     changed_for_name: float = 2.0  # factor on the given values, beyond the winner's change, with which it is not named
+    rival_error: float = 2.0  # times the winner's error; a rival that leaves more is none
 
     # -- probability --
     tempering: float = 0.5  # exponent on likelihoods: blocks are neither independent nor alike

@@ -185,9 +185,9 @@ def test_an_effect_that_explains_much_less_is_no_rival_however_uncertain_the_lea
     assert spring.evidence > loud.evidence(rest)
     assert not loud.matters(spring.fit, whole)
     assert membership(loud, whole, "gravity", misfit=False).rivals == ()
-    monkeypatch.setattr(probability, "POLICY", replace(POLICY, stands_in=100.0))
+    monkeypatch.setattr(probability, "POLICY", replace(POLICY, rival_error=100.0))
     assert membership(loud, whole, "gravity", misfit=False).rivals == ()
-    monkeypatch.setattr(probability, "POLICY", replace(POLICY, stands_in=100.0, rival_share=0.5))
+    monkeypatch.setattr(probability, "POLICY", replace(POLICY, rival_error=100.0, rival_share=0.5))
     assert membership(loud, whole, "gravity", misfit=False).rivals == ("stiffness",)
 
 

@@ -161,7 +161,7 @@ def test_a_push_above_the_band_is_no_nothing():
 def repeating(push: float, counts: int, hz: float = 123.4) -> float:
     """Hz of the line that the response shows of a rigid axis which does the same each second; u is exact.
 
-    push : at that frequency, unit of u, of which there is 0.057 rms. counts : of a turn, to which its position is rounded.
+    push : at that frequency, unit of u, of which there is 0.057 rms. counts : of a turn, to which the position is had.
     """
     step, inertia = 1e-3, 0.01
     t = np.arange(10_000) * step

@@ -56,12 +56,10 @@ class Membership:
         return sum(self.probabilities.get(name, 0.0) for name in (self.effect, *self.rivals))
 
     def drawn(self, name: str) -> float:
-        """Belief in an effect, or in what it has in a draw among it and its rivals, if that is more, or a commoner is
-        alike. What explains a log alike is the likelier the more often it is met: by its rank (Zipf's law)."""
+        """Belief in an effect, or in what it has in a draw among it and its rivals, if that is more. What explains a
+        log alike is the likelier the more often it is met: by its rank, as words are (Zipf's law)."""
         often = {one: 1.0 / (1 + get_effect(one).rarity) for one in (self.effect, *self.rivals)}
-        drawn = self.place * often.get(name, 0.0) / sum(often.values())
-        commoner = any(often[one] > often.get(name, 0.0) for one in self.alike)
-        return drawn if commoner else max(self.probabilities.get(name, 0.0), drawn)
+        return max(self.probabilities.get(name, 0.0), self.place * often.get(name, 0.0) / sum(often.values()))
 
     def belief(self, name: str) -> float:
         """In the effect at least what it has in a draw among its rivals; in one of these no more than that leaves."""
@@ -70,11 +68,9 @@ class Membership:
 
 
 def memberships(search: Search, whole: Fit, unknown: bool) -> dict[str, Membership]:
-    """Of each effect that was found; `unknown` : something remains that nothing explains. What is more than the sensor
-    leaves, however little, comes from a law that is not quite so, and another may then do as well."""
-    misfit = unknown or beyond_noise(search, whole, POLICY.floor_factor) > 0.0
-    laws = UnnamedLaws(search, whole, misfit)
-    misfit = misfit or search.problem.reconstructed("velocity")
+    """Of each effect that was found; `unknown` : something remains that nothing explains."""
+    misfit = unknown or search.problem.reconstructed("velocity")
+    laws = UnnamedLaws(search, whole, unknown or above_floor(search, whole))
     there = {t: laws.belief(t, search.without(whole, t)) for t in search.added(whole.terms)}
     return {
         t.id: replace(membership(search, whole, t.id, misfit), there=likely, imitates=laws.imitates(t, likely))
@@ -111,7 +107,7 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
 
     def may_be(option: Option) -> bool:
         """At stops and turns rows count little as evidence, but what is far off there is no rival."""
-        far_off = plain.rmse(option.fit) > POLICY.stands_in * plain.rmse(whole)
+        far_off = plain.rmse(option.fit) > POLICY.rival_error * plain.rmse(whole)
         return option.evidence > search.evidence(rest) and not far_off
 
     def rivals(option: Option) -> bool:
@@ -135,8 +131,13 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     found = dict.fromkeys((*one_by_one, *(t.id for t in together)))
     estimates = search.values(whole).estimates
     surest = POLICY.even if as_push or afloat or together or not is_told(effect_id, estimates) else 1.0
-    shares = probabilities(search, rest, [own, *options])
-    return Membership(effect_id, shares, tuple(found), tuple(o.effect for o in named), surest=surest)
+    return Membership(
+        effect_id,
+        probabilities(search, rest, [own, *options]),
+        tuple(found),
+        tuple(o.effect for o in named),
+        surest=surest,
+    )
 
 
 def is_told(effect_id: str, estimates: Estimates) -> bool:
