@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.checks import check_log
+from dsd_cli.identify.checks.channels import in_one
+from dsd_cli.identify.checks.results import Finding
 from dsd_cli.signals.log import Log
 from tests.identify.checks.rig import log_of, model_of, observer_of, only_error, recordings, said, servo
 
@@ -204,3 +206,15 @@ def test_the_other_sign_and_another_size_are_one_remedy(other):
     scales = dict(re.findall(r"signals\.(\w+)_scale = ([-\d.e]+)", error.remedy))
     mended = {name: float(scales.get(name, 1.0)) * values for name, values in turned.items()}
     assert check_log(log_of(servo("velocity"), **mended)).errors == ()
+
+
+def test_a_size_beside_a_sign_that_nothing_can_tell_is_two_findings():
+    """A symmetric motion with a velocity in rpm ended with an IndexError: the finding about its sign turns nothing."""
+    sized = Finding("velocity is in rpm", "velocity", "error", 0.9, multiply=(("velocity", 0.1),), ratio=9.55)
+    doubt = Finding(
+        "like any sine, this motion cannot say which", "u", "warning", 0.9, "record other moves", first=True
+    )
+    turned = Finding("velocity has the other sign", "velocity", "error", 0.9, multiply=(("velocity", -1.0),))
+    assert in_one([sized], [doubt]) == [sized, doubt]
+    (both,) = in_one([sized], [turned])
+    assert both.multiply == (("velocity", 0.1), ("velocity", -1.0))
