@@ -166,9 +166,7 @@ def measured(plain: Bank, before: Solver, fit: Fit) -> tuple[Solver, Noise]:
     trusting, row_weight = found.solver.bank, found.solver.bank.equations.row_weight
     if row_weight is None or float(np.mean(row_weight[equations.kept] == 1.0)) <= POLICY.sure_part:
         return solver, noise  # too few are sure to tell a whole set by: on the XL330 7 %
-    solver, noise = _beside(Bank(trusting.equations, plain, trusting.variance), residual, before)
-    noise = replace(noise, variance=min(noise.variance, found.variance))  # no fit leaves less than the noise
-    return before.on(solver.bank, noise.variance * noise.inflation), noise
+    return _beside(Bank(trusting.equations, plain, trusting.variance), residual, before, found.variance)
 
 
 def whitening_of(equations: Equations, residual: Array) -> list[Array]:
@@ -196,10 +194,10 @@ def sensor_variance(equations: Equations, sure: bool = True) -> float:
     return float(np.mean(np.array(passed)[equations.logs_of_rows[equations.kept]]))
 
 
-def _beside(bank: Bank, residual: Array, before: Solver) -> tuple[Solver, Noise]:
-    """(solver on the rows of a bank, the noise in those that count)."""
+def _beside(bank: Bank, residual: Array, before: Solver, most: float = math.inf) -> tuple[Solver, Noise]:
+    """(solver on the rows of a bank, the noise in those that count). most : that a fit leaves; the noise is no more."""
     equations = bank.equations
     white = equations.whitened(residual)[equations.kept]
     counted = float(len(white)) if equations.row_weight is None else equations.counted
-    noise = Noise(float(white @ white) / counted, inflation(white), residual)
+    noise = Noise(min(float(white @ white) / counted, most), inflation(white), residual)
     return before.on(bank, noise.variance * noise.inflation), noise

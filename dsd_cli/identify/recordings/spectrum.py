@@ -198,7 +198,7 @@ def cycle_of(speed: Array, sample_time: float) -> float:
     lag = int(gone[0]) + first + int(np.argmax(later[first:last]))
     times = max((len(alike) - 1) // lag, 1)  # so many cycles later it is known to that part of a sample
     begin = times * lag - times // 2
-    return (begin + int(np.argmax(alike[begin : times * (lag + 1)]))) / times * step * sample_time
+    return (begin + int(np.argmax(alike[begin : times * lag + times // 2 + 1]))) / times * step * sample_time
 
 
 def _sized(x: Array) -> Array:

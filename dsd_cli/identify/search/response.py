@@ -24,6 +24,7 @@ from dsd_cli.identify.search.signals import (
     Signals,
     correlation_time,
     delay_of,
+    enough,
     gains,
     innovations,
     left,
@@ -132,7 +133,7 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
         return unseen
     fresh = _whatever_the_noise(signals, rival)
     target = fresh(signals.target)
-    if not _enough(gains(left(fresh(rigid), target), left(fresh(modes.columns(at)), target))):
+    if not enough(gains(left(fresh(rigid), target), left(fresh(modes.columns(at)), target))):
         return unseen
     tied = play is not None and play.gapped and not _agreed(gains(play.rest, play.rival))
     fall, nats = _fall(rival, swinging), float(over_rigid.sum())
@@ -242,7 +243,7 @@ def _play(search: Search, look: _Look) -> _Found | None:
     white = correlation_time(rest) < POLICY.response_correlated or _fall(rival, rest) > POLICY.response_fall
     certain = told and white and is_a_load(values["load_share"][0]) and _agreed(gains(rival, rest))
     fresh = _whatever_the_noise(signals, rival)
-    certain = certain and _enough(gains(fresh(rival), fresh(rest)))
+    certain = certain and enough(gains(fresh(rival), fresh(rest)))
     return _Found(values, _told_model(look, play, at, delay, values), rest, rival, told, certain)
 
 
@@ -269,19 +270,14 @@ def _told_model(look: _Look, play: Play, at: Array, delay: float, values: dict[s
 def _whatever_the_noise(signals: Signals, rival: Array) -> Callable[[Array], Array]:
     """Takes out of rows what a line, and noise of any spectrum, explain of what the rival leaves, and stops."""
     calm = without_line(signals, strongest_line(signals, rival))
-    fresh = innovations(calm(rival), signals.step)
-    sliding = signals.sliding[-len(fresh(rival)) :]
-    return lambda rows: fresh(calm(rows))[sliding]
+    fresh = innovations(calm(rival), signals.step, signals.sliding)
+    return lambda rows: fresh(calm(rows))
 
 
 def _agreed(by_block: Array) -> bool:
     """Whether the gain is certain: enough without the best block, and little lost in the others."""
     lost, won = (float(np.maximum(sign * by_block, 0.0).sum()) for sign in (-1.0, 1.0))
-    return _enough(by_block) and lost < POLICY.most_lost * won
-
-
-def _enough(by_block: Array) -> bool:
-    return float(by_block.sum() - by_block.max()) > POLICY.response_nats
+    return enough(by_block) and lost < POLICY.most_lost * won
 
 
 def _fall(before: Array, after: Array) -> float:

@@ -176,8 +176,9 @@ def without_line(signals: Signals, hz: float) -> Callable[[Array], Array]:
     return calm
 
 
-def innovations(rest: Array, step: float) -> Callable[[Array], Array]:
-    """The filter that takes out of rows, shape (n, ...), what the past of `rest`, shape (n,), predicts of it.
+def innovations(rest: Array, step: float, counted: NDArray[np.bool_] | None = None) -> Callable[[Array], Array]:
+    """The filter that takes out of rows, shape (n, ...), what the past of `rest`, shape (n,), predicts of it; `counted`
+    ones alone, shape (n,), come out.
 
     At constant speed an encoder's error is a tone, which a controller feeds back into u: this noise is far from white,
     and a lightly damped load would explain it. Each speed has its own tones: each part of the rows has its own filter.
@@ -190,7 +191,7 @@ def innovations(rest: Array, step: float) -> Callable[[Array], Array]:
     def fresh(rows: Array) -> Array:
         # to the last bit `scipy.signal.lfilter`, whose import takes a third of a second
         found = [np.apply_along_axis(np.convolve, 0, rows[a:b], taps, "valid") for a, b, taps in parts]
-        return np.concatenate(found)
+        return np.concatenate(found)[... if counted is None else counted[order:]]
 
     return fresh
 
@@ -231,3 +232,8 @@ def gains(worse: Array, better: Array) -> Array:
     edges = np.searchsorted(told, np.linspace(0.0, float(told[-1]), BLOCKS + 1)[1:-1])
     nats = (worse**2 - better**2) / (2.0 * variance_of(better))
     return np.array([part.sum() for part in np.split(nats, edges)])
+
+
+def enough(by_block: Array) -> bool:
+    """Whether that many nats are certain: also without the best block."""
+    return float(by_block.sum() - by_block.max()) > POLICY.response_nats

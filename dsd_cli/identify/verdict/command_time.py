@@ -27,7 +27,7 @@ from dsd_cli.identify.recordings.excerpts import LATE, SMOOTHED, earlier, unfilt
 from dsd_cli.identify.recordings.recording import Mended, Recording
 from dsd_cli.identify.search.long_logs import posed
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.search.signals import delay_of, gains, innovations, left, signals_of
+from dsd_cli.identify.search.signals import delay_of, enough, gains, innovations, left, signals_of
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
@@ -145,10 +145,9 @@ def _by_motion(search: Search, late: Fit, freed: _Freed) -> bool:
     if plain is None or early is None:
         return False
     rows = [np.column_stack([s.rows(x) for x in (s.force, s.shift, *s.given)]) for s in (plain, early)]
-    fresh = innovations(left(rows[0], plain.target), plain.step)
-    sliding = plain.sliding[-len(fresh(plain.target)) :]
-    nats = gains(*(left(fresh(x)[sliding], fresh(plain.target)[sliding]) for x in rows))
-    return float(nats.sum() - nats.max()) > POLICY.response_nats
+    fresh = innovations(left(rows[0], plain.target), plain.step, plain.sliding)
+    target = fresh(plain.target)
+    return enough(gains(*(left(fresh(x), target) for x in rows)))
 
 
 def _certain(search: Search, freed: _Freed) -> bool:

@@ -188,7 +188,7 @@ def response_settings(search: Search, effect_id: str, settings: Settings) -> Set
         return None
     response = response_of(search, search.refit, (effect_id,), doubtful=True)
     seen = response.seen if response is not None else None
-    if seen is None or (_in_band(seen, search) and "load_level" not in seen.values):  # the balance has none of it
+    if seen is None or _in_band(seen, search):
         return None
     return replace(settings, known=settings.known.seeing(effect_id, seen.values, {}))
 
