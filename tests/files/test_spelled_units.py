@@ -4,6 +4,7 @@ import pytest
 
 from dsd_cli.files.names_in import is_unit, unit_in
 from dsd_cli.files.recognise import Recognised, recognise
+from dsd_cli.files.words import plain_unit
 
 #: Unit of a position, a velocity and of u -> what one of it is in SI, by the definitions of the units.
 WORDS = {
@@ -69,3 +70,8 @@ def test_the_number_of_an_object_is_no_unit_and_says_which_it_has(form: str) -> 
 
 def test_a_unit_that_is_said_is_that_of_the_object() -> None:
     assert recognise(["0x6064: Position [deg]"])["position"].named == "deg"
+
+
+@pytest.mark.parametrize("unit", ["meters per second per second", "radian/s/s", "revolutions per minute per second"])
+def test_an_acceleration_is_no_speed(unit: str) -> None:
+    assert plain_unit(unit).count("/") == 2
