@@ -18,6 +18,7 @@ import numpy as np
 from dsd_cli.effects.memory import Coupling
 from dsd_cli.errors import DataError, TooShort
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.counts import with_counts
 from dsd_cli.identify.recordings.reconstruction import drift
 from dsd_cli.identify.recordings.sensor import Sensor, check_signs, net_force, with_acceleration
 from dsd_cli.identify.recordings.smoothing import Smoothed, channel_noise, noise_of, regularised, smooth, widened
@@ -120,6 +121,7 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
         provenance["d_hat"] = f"computed from {pieces[0].d_hat_source}"
     pieces, sensor = with_acceleration(pieces, observer)
     pieces, noise, margin, missing = _with_motion(pieces, parts, observer, provenance)
+    sensor = with_counts(sensor, pieces)
     provenance |= {"position": "integrated from velocity"} if SUMMED in log.metadata else {}
     creep = POLICY.creep_share * max((rms(p["velocity"]) for p in pieces if "velocity" in p), default=0.0)
     walk = _walk(pieces, observer) if "reconstructed" in provenance["velocity"] else 0.0

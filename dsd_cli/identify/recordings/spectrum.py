@@ -61,13 +61,15 @@ class SensorNoise(NamedTuple):
 
     kind : "position" is differenced twice (d^2), "velocity" once (d); "d_hat" has passed Q, whose inverse gives
         ((1-p)^2 + p d) / (1-p)^2 with the pole p. scale : (rad/s2)^2 or (m/s2)^2. end : angle above which the log
-        holds nothing, for u and motion passed a low-pass; pi where they did not.
+        holds nothing, for u and motion passed a low-pass; pi where they did not. counted : where a position goes in
+        counts, its density at equal steps of the angle up to pi, in units of that of white noise of `scale`.
     """
 
     kind: SensorKind
     pole: float
     scale: float
     end: float = math.pi
+    counted: tuple[float, ...] = ()
 
     def density(self, angle: Array) -> Array:
         """Density of the noise, shape of `angle`."""
@@ -89,6 +91,9 @@ class SensorNoise(NamedTuple):
 
     def _shape(self, angle: Array) -> Array:
         d = bend(angle)
+        if self.counted:
+            known = np.arange(1, len(self.counted) + 1) * (np.pi / len(self.counted))
+            return d * d * np.interp(np.abs((angle + np.pi) % (2.0 * np.pi) - np.pi), known, self.counted)
         if self.kind == "position":
             return d * d
         if self.kind == "velocity":

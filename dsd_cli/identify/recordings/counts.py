@@ -1,0 +1,62 @@
+"""The noise that an encoder's counts are: white only where the axis crosses them at rates that sweep.
+
+At a speed of n counts a sample the error of rounding is a saw-tooth of one tooth per count, sampled: its harmonic k, of
+power (step / (pi k))^2 / 2, stands at |k n - round(k n)| / T Hz. At a whole number of counts a sample, or a simple
+fraction, as round speeds and rates make it, these are slow beats, and forces within the band; at rest there is no noise
+at all. So the motion itself, rounded again from other beginnings, says where that noise stands.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.sensor import Sensor
+from dsd_cli.identify.recordings.spectrum import Density, bend, density
+from dsd_cli.signals.encoder import exact_step
+from dsd_cli.signals.log import Array, Log
+
+#: Beginnings from which the motion is rounded; rounds in which the sensor's own noise is found; seed.
+_BEGINNINGS, _ROUNDS, _SEED = 4, 2, 20261128
+
+
+def with_counts(sensor: Sensor, pieces: Sequence[Log]) -> Sensor:
+    """The sensor with the spectrum that its counts have in this motion; pieces with "velocity".
+
+    What a log shows above the motion beyond that is white noise of the position, which smears the counts.
+    """
+    if sensor.kind != "position" or sensor.noise.end < math.pi or any("white" in p for p in pieces):
+        return sensor
+    step = exact_step([p["position"] for p in pieces])
+    if not step > 0.0:
+        return sensor
+    interval, white = pieces[0].sample_time, 0.0
+    ways = [np.cumsum(p["velocity"]) * (interval / step) for p in pieces]
+    found, unit = density([p["acceleration"] for p in pieces]), step**2 / 12.0 / interval**4
+    seen = found.power / (unit * bend(found.angle) ** 2)
+    above = found.angle >= POLICY.noise_from_share * math.pi
+    counted = rounding(ways)
+    for _ in range(_ROUNDS):
+        white = float(np.median(np.maximum(seen - counted.at(found.angle), 0.0)[above]))
+        counted = rounding(ways, math.sqrt(white / 12.0))
+    power = tuple((counted.power + white).tolist())
+    return replace(sensor, noise=sensor.noise._replace(scale=unit, counted=power))
+
+
+def rounding(ways: Sequence[Array], smear: float = 0.0) -> Density:
+    """Density of the error of rounding to whole numbers, in units of 1/12, mean over any beginning.
+
+    ways : stretches of a motion in counts, shape (n,) each. smear : standard deviation of the sensor's own noise,
+        counts, whose own density is not in it.
+    """
+    random, errors = np.random.default_rng(_SEED), list[Array]()
+    for begin in np.arange(_BEGINNINGS) / _BEGINNINGS:
+        for way in ways:
+            read = way + begin + smear * random.normal(size=len(way))
+            errors.append(np.round(read) - way)
+    found = density(errors)
+    return found._replace(power=np.maximum(12.0 * (found.power - smear**2), 0.0))
