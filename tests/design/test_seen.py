@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.design.inverse import Path
-from dsd_cli.design.seen import as_logged, as_seen, times_white
+from dsd_cli.design.seen import as_logged, as_seen, times_logged
 from dsd_cli.identify.fit.band import band_of
 from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.recordings.spectrum import SensorNoise
@@ -47,8 +47,9 @@ def test_counts_that_pass_more_slowly_than_the_band_ends_are_no_white_noise(temp
     t = 0.004 * np.arange(2000)
     band = band_of(20.0, T)
     crawl, fast = (seen(template, x) for x in (0.02 * t, 0.6 * np.sin(2.0 * t)))
-    assert times_white(*crawl, band, WHITE) > 10.0
-    assert times_white(*fast, band, WHITE) < 2.0
+    noise = template.sensor.noise
+    assert times_logged(*crawl, band, WHITE, noise) > 10.0
+    assert times_logged(*fast, band, WHITE, noise) < 2.0
 
 
 def test_in_a_crawl_the_speed_is_known_less_well(template: Recording) -> None:

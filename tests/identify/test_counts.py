@@ -61,7 +61,9 @@ def _log(speed, seconds=8.0, step=STEP, noise=0.0, seed=0):
     t = np.arange(0.0, seconds, T)
     way = np.cumsum(speed * np.tanh(8.0 * np.sin(2.0 * np.pi * 0.25 * t))) * T
     read = way + noise * np.random.default_rng(seed).normal(size=len(t))
-    return Log({"t": t, "u": np.gradient(np.gradient(way, T), T), "position": step * np.round(read / step)}, T, "log"), way
+    return Log(
+        {"t": t, "u": np.gradient(np.gradient(way, T), T), "position": step * np.round(read / step)}, T, "log"
+    ), way
 
 
 @pytest.mark.parametrize("speed", [0.6, 0.3, 0.123])
