@@ -47,7 +47,7 @@ def test_counts_that_pass_more_slowly_than_the_band_ends_are_no_white_noise(temp
     t = 0.004 * np.arange(2000)
     band = band_of(20.0, T)
     crawl, fast = (seen(template, x) for x in (0.02 * t, 0.6 * np.sin(2.0 * t)))
-    noise = template.sensor.noise
+    noise = SensorNoise("position", 0.0, COUNT**2 / 12.0 / T**4)
     assert times_logged(*crawl, band, WHITE, noise) > 10.0
     assert times_logged(*fast, band, WHITE, noise) < 2.0
 
