@@ -43,12 +43,18 @@ def test_the_position_is_counted_at_the_samples_of_the_log(template: Recording) 
 
 
 def test_counts_that_pass_more_slowly_than_the_band_ends_are_no_white_noise(template: Recording) -> None:
-    """At 0.02 rad/s 13 counts pass in a second, a line within 20 Hz; at 1 rad/s they are 650 lines away from it."""
+    """At 0.02 rad/s 13 counts pass in a second, a line within 20 Hz, whose power is that of a saw-tooth's harmonics; at
+    1 rad/s they are 650 lines away from it."""
     t = 0.004 * np.arange(2000)
-    band = band_of(20.0, T)
+    band, noise = band_of(20.0, T), SensorNoise("position", 0.0, COUNT**2 / 12.0 / T**4)
     crawl, fast = (seen(template, x) for x in (0.02 * t, 0.6 * np.sin(2.0 * t)))
-    noise = SensorNoise("position", 0.0, COUNT**2 / 12.0 / T**4)
-    assert times_logged(*crawl, band, WHITE, noise) > 10.0
+    k = np.arange(1, 8)
+    w = 2.0 * np.pi * k * (0.02 / COUNT)
+    lines = float(np.sum(0.5 * (COUNT / (np.pi * k) * w**2 * band.gain(w * T * band.step)) ** 2))
+    w = 2.0 * np.pi * np.arange(0.01, 80.0, 0.01)
+    white = 2.0 * T * COUNT**2 / 12.0 * 0.01 * float(np.sum((w**2 * band.gain(w * T * band.step)) ** 2))
+    assert times_logged(*crawl, band, WHITE, noise) == pytest.approx(lines / white, rel=0.2)
+    assert lines / white > 5.0
     assert times_logged(*fast, band, WHITE, noise) < 2.0
 
 
