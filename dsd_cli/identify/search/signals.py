@@ -46,7 +46,7 @@ class Signals:
     force, shift : F = u(t - L) + forces per interval, and its change over a sample of delay; unit of u.
     given : per coefficient of the other effects, what F loses with it. target : whitened J a, kept rows of all
         stretches. inertia : that J.
-    kept : rows that count. white : the causal filter. step : s. held : there is friction.
+    kept : rows that count. white : the causal filter. step : s. held : the axis may rest, by friction or by its counts.
     """
 
     stretches: tuple[Stretch, ...]
@@ -83,7 +83,7 @@ def signals_of(search: Search, fit: Fit, delay: float, fewest: int = _FEWEST) ->
     """The signals beside the effects of a fit, u that late (s); None where too few rows are left."""
     equations = search.problem.errors.bank.equations.in_full()
     step, noise = equations.sample_time, equations.recordings[0].sensor.noise
-    held, inputs = has_friction(fit.terms), inputs_of(fit.terms)
+    held, inputs = has_friction(fit.terms) or bool(noise.counted), inputs_of(fit.terms)
     u, before, after = (drive(equations, inputs, d) for d in (delay, max(delay - step, 0.0), delay + step))
     for _, taken in of_single_logs(equations, delay):
         u = [x - force for x, force in zip(u, taken, strict=True)]
