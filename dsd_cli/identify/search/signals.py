@@ -83,7 +83,7 @@ def signals_of(search: Search, fit: Fit, delay: float, fewest: int = _FEWEST) ->
     """The signals beside the effects of a fit, u that late (s); None where too few rows are left."""
     equations = search.problem.errors.bank.equations.in_full()
     step, noise = equations.sample_time, equations.recordings[0].sensor.noise
-    held, inputs = has_friction(fit.terms) or bool(noise.counted), inputs_of(fit.terms)
+    held, inputs = has_friction(fit.terms), inputs_of(fit.terms)
     u, before, after = (drive(equations, inputs, d) for d in (delay, max(delay - step, 0.0), delay + step))
     for _, taken in of_single_logs(equations, delay):
         u = [x - force for x, force in zip(u, taken, strict=True)]
@@ -101,7 +101,7 @@ def signals_of(search: Search, fit: Fit, delay: float, fewest: int = _FEWEST) ->
             x.append(by_stretch[i] * free)
         shift.append(np.nan_to_num(0.5 * (before[i] - after[i])) * free)
         rows = np.arange(len(net))
-        kept.append((rows >= equations.startup + min(_FORGOTTEN / step, _MOST_FORGOTTEN * len(rows))) & (free > 0.0))
+        kept.append((rows >= equations.startup + min(_FORGOTTEN / step, _MOST_FORGOTTEN * len(rows))) & ((s.free if held or noise.counted else free) > 0.0))
     inertia = float(fit.total[INERTIA])
     white = _whitener(noise.kind, noise.pole, math.exp(-2.0 * math.pi * equations.band.hz * step))
     if sum(int(k.sum()) for k in kept) < fewest or not inertia > 0.0:  # u turned round leaves no inertia
