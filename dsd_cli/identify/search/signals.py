@@ -46,7 +46,7 @@ class Signals:
     force, shift : F = u(t - L) + forces per interval, and its change over a sample of delay; unit of u.
     given : per coefficient of the other effects, what F loses with it. target : whitened J a, kept rows of all
         stretches. inertia : that J.
-    kept : rows that count. white : the causal filter. step : s. held : the axis may rest, by friction or by its counts.
+    kept : rows that count. white : the causal filter. step : s. held : there is friction.
     """
 
     stretches: tuple[Stretch, ...]
@@ -100,8 +100,8 @@ def signals_of(search: Search, fit: Fit, delay: float, fewest: int = _FEWEST) ->
         for x, by_stretch in zip(given, others, strict=True):
             x.append(by_stretch[i] * free)
         shift.append(np.nan_to_num(0.5 * (before[i] - after[i])) * free)
-        rows = np.arange(len(net))
-        kept.append((rows >= equations.startup + min(_FORGOTTEN / step, _MOST_FORGOTTEN * len(rows))) & ((s.free if held or noise.counted else free) > 0.0))
+        settled = np.arange(len(net)) >= equations.startup + min(_FORGOTTEN / step, _MOST_FORGOTTEN * len(net))
+        kept.append(settled & (s.free > 0.0) if held or noise.counted else settled)  # counts at rest show nothing
     inertia = float(fit.total[INERTIA])
     white = _whitener(noise.kind, noise.pole, math.exp(-2.0 * math.pi * equations.band.hz * step))
     if sum(int(k.sum()) for k in kept) < fewest or not inertia > 0.0:  # u turned round leaves no inertia
