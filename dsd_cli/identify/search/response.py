@@ -138,7 +138,8 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     tied = play is not None and play.gapped and not _agreed(gains(play.rest, play.rival))
     fall, nats = _fall(rival, swinging), float(over_rigid.sum())
     if PLAY in asked and correlated and fall < POLICY.response_fall:
-        return replace(unseen, rattles=True)
+        # friction holds a motor now and then, whose load then swings as no linear response does
+        return replace(unseen, rattles=unseen.rattles or not signals.held)
     given = {name: value for name, (value, _) in values.items()}
     model = look.part.problem.scale.model(look.fit).changed(effects={COUPLING: given})
     seen = Seen(COUPLING, values, (PLAY,) if tied else (), nats, fall, highest, values["frequency"][0], model)
@@ -186,19 +187,16 @@ def _swinging(search: Search, whole: Fit) -> _Look | None:
 
 @dataclass(frozen=True)
 class _Found:
-    """The play that explains most, its model, what it leaves and its rival does. gapped : it differs from a spring."""
+    """The play that explains most, its model, what it leaves and its rival does. gapped : it differs from a spring.
+    rattles : it explains much, whatever the noise, certain or not."""
 
     values: dict[str, tuple[float, float]]
     model: PlantModel
     rest: Array
     rival: Array
     gapped: bool
+    rattles: bool
     certain: bool
-
-    @property
-    def rattles(self) -> bool:
-        """Whether it explains much, certain or not."""
-        return float(gains(self.rival, self.rest).sum()) > POLICY.response_nats
 
     def seen(self, highest: float) -> Seen:
         share, stiffness = self.values["load_share"][0], self.values["stiffness"][0]
@@ -241,10 +239,10 @@ def _play(search: Search, look: _Look) -> _Found | None:
     rival = min([*rivals, *([play.sprung(at)] if "load_level" in values else [])], key=rms)
     # a load that no simulation follows leaves more
     white = correlation_time(rest) < POLICY.response_correlated or _fall(rival, rest) > POLICY.response_fall
-    certain = told and white and is_a_load(values["load_share"][0]) and _agreed(gains(rival, rest))
     fresh = _whatever_the_noise(signals, rival)
-    certain = certain and enough(gains(fresh(rival), fresh(rest)))
-    return _Found(values, _told_model(look, play, at, delay, values), rest, rival, told, certain)
+    much = enough(gains(fresh(rival), fresh(rest)))
+    certain = much and told and white and is_a_load(values["load_share"][0]) and _agreed(gains(rival, rest))
+    return _Found(values, _told_model(look, play, at, delay, values), rest, rival, told, much, certain)
 
 
 def _with_friction(search: Search, terms: Terms) -> Terms:
