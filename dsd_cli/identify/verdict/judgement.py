@@ -20,6 +20,7 @@ from dsd_cli.identify.verdict.own_values import ParameterCheck
 from dsd_cli.identify.verdict.probability import (
     Membership,
     left_over,
+    lowering_together,
     missing_of,
     nothing_missing,
     probabilities,
@@ -52,6 +53,7 @@ class Verdict:
         self.surest, self.alone = surest_of(search, whole, limits), {o.effect: o for o in options}
         for one in self._members_alone():
             self.alone[one.effect] = max(self.alone.get(one.effect, one), one, key=lambda o: o.evidence)
+        self.together = lowering_together(search, whole, own.refitted.heldout_rmse)
         self.rising = self.doubted = ""  # it would be named, but the error rises with it; it stands in for another law
         self.named, self.sure = self.verdict()
         most = min(self.surest, POLICY.even if self.named == UNKNOWN else 1.0)
@@ -143,14 +145,15 @@ class Verdict:
         return (before**2 - after**2) / max(before**2 - least**2, 1e-300)
 
     def _lowers(self, name: str) -> bool:
-        """Whether an effect lowers the held-out error of the values that would be written, too: none that raises it."""
+        """Whether an effect, alone or beside others, lowers the held-out error of the values that would be written."""
         score, before = self.problem.score, self.own.refitted.heldout_rmse
-        return self._explains(name) and score(self.alone[name].fit).heldout_rmse < before
+        alone = self._explains(name) and score(self.alone[name].fit).heldout_rmse < before
+        return alone or name in self.together
 
     def _explains(self, name: str) -> bool:
         """Whether the effect alone lowers the held-out error of the form that is evidence."""
-        one, rmse = self.alone.get(name), self.problem.errors.rmse
-        return one is not None and rmse(one.fit) < rmse(self.search.refit)
+        rmse = self.problem.errors.rmse
+        return name in self.alone and rmse(self.alone[name].fit) < rmse(self.search.refit)
 
     def _worth(self, name: str) -> tuple[bool, bool, float]:
         """Effects that lower the held-out error by themselves come first; of those, what leaves less than the model as

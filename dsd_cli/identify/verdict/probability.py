@@ -251,3 +251,13 @@ def unexplained_of(search: Search, whole: Fit, beyond: Discrepancy, more: float 
         return Unexplained(share, max(left_over(search, whole, beyond), more), beyond.on if beyond.unknown else ())
     likely = POLICY.even * _force(search, beyond_noise(search, whole, POLICY.floor_factor))
     return Unexplained(share, max(likely, more, 1.0 - POLICY.surest))
+
+
+def lowering_together(search: Search, whole: Fit, before: float) -> set[str]:
+    """Effects without which a set that lowers the held-out error of the values that would be written, `before`, leaves
+    more: a dead zone of the model takes up Coulomb friction, until viscous friction is there as well."""
+    added, left = search.added(whole.terms), search.problem.score(whole).heldout_rmse
+    if len(added) < 2 or not left < before:
+        return set()
+    without = {t.id: search.fit(tuple(x for x in whole.terms if x != t), whole.tap) for t in added}
+    return {name for name, fit in without.items() if left < search.problem.score(fit).heldout_rmse}
