@@ -223,8 +223,7 @@ class Verdict:
     def _nearest(self) -> str:
         """The effect that would explain much of what is unknown, but not in all blocks, or is believed less."""
         if self.named == NONE:
-            creeping = self._in_creeping()
-            return creeping.effect if creeping is not None else ""
+            return creeping.effect if (creeping := self._in_creeping()) is not None else ""
         alike = self.beyond.of_gain and not self.members  # u times something is no effect
         if self.doubted or self.named != UNKNOWN or not self.options or self.limits.blocked or alike:
             return self.doubted
