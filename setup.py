@@ -6,6 +6,7 @@ them out: the wheel is one for any machine.
 """
 
 import os
+import zlib
 
 from setuptools import Extension, setup
 
@@ -15,11 +16,15 @@ AS_TWIN = "-ffp-contract=off"
 
 
 def compiled(module: str, *flags: str) -> Extension:
-    """An optional module of the stable ABI, from the C file beside where it is imported."""
+    """An optional module of the stable ABI, from the C file beside where it is imported; it says of which one, so that
+    it is left alone where a checkout has moved on (`signals.compiled`)."""
+    source = f"dsd_cli/{module.replace('.', '/')}.c"
+    with open(source, "rb") as file:
+        text = f'"{zlib.crc32(file.read()):08x}"'
     return Extension(
         f"dsd_cli.{module}",
-        sources=[f"dsd_cli/{module.replace('.', '/')}.c"],
-        define_macros=[("Py_LIMITED_API", "0x030B0000")],
+        sources=[source],
+        define_macros=[("Py_LIMITED_API", "0x030B0000"), ("DSD_SOURCE", text)],
         extra_compile_args=list(flags),
         py_limited_api=True,
         optional=True,

@@ -77,6 +77,8 @@ def name_unit(channel: str, one: Recognised, out: Proposal) -> None:
         if counts := plain_unit(one.unit) in COUNTS:
             unit = "counts/s" if channel == "velocity" else "counts"
             known = f'is counts: {channel}_unit = "{unit}" and counts_per_turn (or counts_per_metre) say how much'
+        if one.by_default:
+            known += '; or velocity_unit = "rpm", or velocity_scale = 0.010472 for 0.1 rpm, if the drive is set to that'
         if electrical := channel == "velocity" and not one.unit and "erpm" in words_in(one.column):
             known = "is electrical rpm: velocity_scale = 0.10472 / pole pairs says how much"
         out.put("signals", f"{channel}_unit", UNKNOWN)

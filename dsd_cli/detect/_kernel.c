@@ -905,7 +905,9 @@ static int module_exec(PyObject *module) {
 
 static PyModuleDef_Slot module_slots[] = {{Py_mod_exec, module_exec}, {0, NULL}};
 
-static struct PyModuleDef module_def = {PyModuleDef_HEAD_INIT, "_kernel", "The compiled detection kernel.", 0, NULL,
-                                        module_slots, NULL, NULL, NULL};
+static struct PyModuleDef module_def = {
+    PyModuleDef_HEAD_INIT, "_kernel",
+    "The compiled detection kernel. " DSD_SOURCE,  // which source this is of: `signals.compiled`
+    0, NULL, module_slots, NULL, NULL, NULL};
 
 PyMODINIT_FUNC PyInit__kernel(void) { return PyModuleDef_Init(&module_def); }

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from dsd_cli.detect.kernel import Backend, active_backend
 from dsd_cli.detect.spec import KernelSpec
 from dsd_cli.detect.trust import BLOCKS
+from dsd_cli.signals.compiled import compiled_module
 from dsd_cli.signals.log import Array
 
 
@@ -57,20 +58,12 @@ def make_goodness(spec: KernelSpec, window: int, forces: int, backend: Backend |
     window : samples that a label must explain, `BLOCKS` or more.
     forces : how many unknown forces each sample comes with.
     """
-    compiled = _compiled_class() if (backend or active_backend()) == "compiled" else None
-    if compiled is not None:
-        return CompiledGoodness(compiled, spec, window, forces)
+    found = compiled_module("dsd_cli.detect._goodness") if (backend or active_backend()) == "compiled" else None
+    if found is not None:
+        return CompiledGoodness(found.Goodness, spec, window, forces)
     from dsd_cli.detect.numpy_goodness import NumpyGoodness
 
     return NumpyGoodness(spec, window, forces)
-
-
-def _compiled_class() -> Any | None:
-    try:
-        from dsd_cli.detect._goodness import Goodness as Compiled  # type: ignore[import-not-found, unused-ignore]
-    except ImportError:
-        return None
-    return Compiled
 
 
 class CompiledGoodness:

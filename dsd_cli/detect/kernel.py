@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from dsd_cli.detect.spec import KernelSpec
 from dsd_cli.errors import UsageError
+from dsd_cli.signals.compiled import compiled_module
 from dsd_cli.signals.log import Array
 
 Backend = Literal["compiled", "numpy"]
@@ -28,11 +29,7 @@ class Kernel(Protocol):
 def _compiled_class() -> Any | None:
     if os.environ.get("DSD_KERNEL") == "numpy":
         return None
-    try:
-        from dsd_cli.detect._kernel import Kernel as Compiled  # type: ignore[import-not-found, unused-ignore]
-    except ImportError:
-        return None
-    return Compiled
+    return getattr(compiled_module("dsd_cli.detect._kernel"), "Kernel", None)
 
 
 def active_backend() -> Backend:

@@ -432,7 +432,9 @@ static PyMethodDef methods[] = {
 };
 
 static PyModuleDef_Slot slots[] = {{0, NULL}};
-static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_memory", "Compiled recursions of effects with memory.",
-                                        0, methods, slots, NULL, NULL, NULL};
+static struct PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT, "_memory",
+    "Compiled recursions of effects with memory. " DSD_SOURCE,  // which source this is of: `signals.compiled`
+    0, methods, slots, NULL, NULL, NULL};
 
 PyMODINIT_FUNC PyInit__memory(void) { return PyModuleDef_Init(&definition); }

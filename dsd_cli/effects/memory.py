@@ -16,7 +16,7 @@ from dsd_cli.signals.compiled import compiled_module
 from dsd_cli.signals.log import Array
 
 #: The compiled module, or None where the build had no compiler.
-COMPILED = compiled_module("dsd_cli.effects._memory", "load_row")
+COMPILED = compiled_module("dsd_cli.effects._memory")
 
 #: Steps are at most this long, in radians of the oscillation of motor against load, and in time constants of a damper
 #: by which speeds become alike: at 2.8 of those the fourth order diverges.

@@ -217,7 +217,9 @@ static PyMethodDef methods[] = {
 
 static PyModuleDef_Slot slots[] = {{0, NULL}};
 
-static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_csv_text", "Columns as lines of CSV.", 0, methods, slots,
-                                        NULL, NULL, NULL};
+static struct PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT, "_csv_text",
+    "Columns as lines of CSV. " DSD_SOURCE,  // which source this is of: `signals.compiled`
+    0, methods, slots, NULL, NULL, NULL};
 
 PyMODINIT_FUNC PyInit__csv_text(void) { return PyModuleDef_Init(&definition); }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import bz2
 import codecs
+import csv
 import gzip
 import io
 import lzma
@@ -16,7 +17,6 @@ from pathlib import Path
 from typing import Any
 
 from dsd_cli.errors import DataError
-from dsd_cli.files.csv_dialect import split
 from dsd_cli.files.formats.base import check_size
 from dsd_cli.files.turned_rows import may_be_turned, turned
 from dsd_cli.files.workbook import is_workbook, text_of_workbook
@@ -32,8 +32,8 @@ _PACKED: dict[bytes, tuple[str, Any]] = {
 _ZIP = b"PK\x03\x04"
 #: The stamp that a serial monitor puts before each line.
 _STAMPED = re.compile(rb"(?m)^(\d\d:\d\d:\d\d[.,]\d+) -> ")
-#: A cell that is a list, as pandas and bags of ROS write messages with arrays.
-_LIST = re.compile(rb'"\[([^"\[\]]*)\]"')
+#: A cell that is a list, as pandas and bags of ROS write arrays: [1, 2], [1 2], array('d', [1, 2]), (1, 2).
+_LIST = re.compile(rb'"(?:array\(\'\w\', ?)?\[([^"\[\]]*)\]\)?"|"\(([-+.\deEnaNif\s]+,[-+.\deEnaNif\s,]*)\)"')
 #: What lies beside a log in a zip: what was written about it.
 _BESIDE = re.compile(r"(?i)(\.(json|ya?ml|toml|ini|md|pdf|png|jpe?g|svg|html?|xml|m|py)|(^|/)(readme|license)[^/]*)$")
 #: What archives hold that are documents: of OpenDocument, of Microsoft.
@@ -178,12 +178,19 @@ def _without_lists(content: bytes) -> bytes:
     end = content.find(b"\n") + 1
     if not end or not _LIST.search(content, end, HEAD):
         return content
-    names, first = (split(line.decode("utf-8", "replace"), ",") for line in content[:HEAD].splitlines()[:2])
+    names, first = islice(csv.reader(io.StringIO(content[:HEAD].decode("utf-8", "replace"))), 2)
     if len(names) != len(first):
         return content
-    items = [range(cell.count(",") + 1) if _LIST.fullmatch(f'"{cell}"'.encode()) else None for cell in first]
+    found = [_LIST.fullmatch(f'"{cell}"'.encode()) for cell in first]
+    items = [range(_items(one).count(b",") + 1) if one else None for one in found]
     full = [f"{name}/{k + 1}" if of else name for name, of in zip(names, items, strict=True) for k in of or [0]]
-    return ",".join(full).encode() + b"\n" + _LIST.sub(rb"\1", content[end:])
+    return ",".join(full).encode() + b"\n" + _LIST.sub(_items, content[end:])
+
+
+def _items(cell: re.Match[bytes]) -> bytes:
+    """Between commas; an array of NumPy has blanks, and goes on in the next line."""
+    inside = cell[1] if cell[2] is None else cell[2]
+    return inside if b"," in inside else b",".join(inside.split())
 
 
 def _encoding(head: bytes) -> str | None:

@@ -6,6 +6,7 @@ import re
 from collections.abc import Collection
 
 from dsd_cli.files.words import (
+    ANGLES,
     ASKED,
     COUNTS,
     ELSE,
@@ -103,7 +104,9 @@ def unit_in(name: str, channel: str) -> str:
     if channel == "u" and any(before) and unit.lower() in OF_U:
         return unit  # mNm is one word
     words = [word for word in words_in(last) if word != "per"]
-    for many in (2, 1) if words[-1:] not in _METERS else ():
+    if words[-1:] in _METERS or (words[-1:] == ["m"] and not ANGLES.isdisjoint(words)):
+        return ""
+    for many in (2, 1):
         if len(words) > many and (last := plain_unit("/".join(words[-many:]))) in known:  # RadPerSec
             return last
     return words[-1] if words and words[-1] == "rpm" and channel == "velocity" else ""

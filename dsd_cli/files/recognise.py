@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
@@ -48,6 +49,10 @@ from dsd_cli.files.words import (
 )
 from dsd_cli.signals.units import POSITION, VELOCITY
 
+#: T_em and T_load are torques, T_amb a temperature; T_ms is a time.
+_NO_TIME = re.compile(r"T_(?!([mun]?s|sec)$)[A-Za-z]")
+#: Letters of axes that are currents: q_A beside d_A.
+_OF_CURRENT = ("_A", "_mA")
 _FACTORS = {"position": POSITION, "velocity": VELOCITY}
 
 
@@ -78,10 +83,17 @@ class Recognised:
 
     @property
     def spoken(self) -> str:
-        """Its unit for people: a torque in nm is in N m."""
+        """Its unit for people: a torque in nm is in N m; the speed of an object is in what the drive is set to."""
+        if self.by_default:
+            return f"{self.unit} by default"
         if self.channel != "u" or not self.named:
             return self.unit
         return self.named if self.factor == 1.0 else f"{self.factor:g} {self.named}"
+
+    @property
+    def by_default(self) -> bool:
+        """Whether it is a speed whose unit only the number of its object says: drives log rpm or 0.1 rpm there, too."""
+        return self.channel == "velocity" and self.unit == unit_of_object(self.column) != ""
 
     @property
     def factor(self) -> float | None:
@@ -243,6 +255,8 @@ def _score(channel: str, column: str) -> float:
     within, _, own = last.rpartition(".")
     if within and any(_word_score(one, words_in(own), "".join(words_in(own))) > 0.0 for one in WORDS):
         group, last = f"{group}/{within}", own  # axis0.pos_vel_mapper.pos_rel; IL.FB says nothing by its end
+    if channel == "time" and _NO_TIME.match(last):
+        return 0.0
     words = words_in(last)
     joined = "".join(words)
     around = set(words_in(group))
@@ -250,7 +264,9 @@ def _score(channel: str, column: str) -> float:
     if moves and set(words) & GENERAL:
         words = [word for word in words if word not in GENERAL] if channel == "u" else [*words, "setpoint"]
     asked = bool(_asked_of(words) or around & ASKED)
-    if set(words) & ELSE or not words or (around & QUATERNIONS and len(joined) == 1):
+    if set(words) & ELSE or around & ERRORS or not words or (around & QUATERNIONS and len(joined) == 1):
+        return 0.0
+    if channel in ("position", "velocity", "reference") and (set(words) & ACCELERATION or last.endswith(_OF_CURRENT)):
         return 0.0
     if channel == "reference":
         bare = [word for word in words if word in _asked_of(words)]

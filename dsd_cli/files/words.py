@@ -26,6 +26,8 @@ WORDS: Mapping[str, tuple[str, ...]] = {
         "posizione", "posicion", "位置", "角度",
     ),
 }  # fmt: skip
+#: Those of a position that are an angle, which has no unit of length: theta_m is that of the motor.
+ANGLES = {"q", "theta", "angle", "phi", "winkel", "角度"}
 #: Those of u that are a torque or a force, and nothing that makes one.
 OF_FORCE = {
     "torque", "trq", "effort", "force", "moment", "drehmoment", "kraft", "tau", "thrust", "couple", "coppia",

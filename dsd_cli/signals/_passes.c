@@ -344,7 +344,9 @@ static PyMethodDef methods[] = {
 };
 
 static PyModuleDef_Slot slots[] = {{0, NULL}};
-static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_passes", "Compiled passes over samples.", 0, methods,
-                                        slots, NULL, NULL, NULL};
+static struct PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT, "_passes",
+    "Compiled passes over samples. " DSD_SOURCE,  // which source this is of: `signals.compiled`
+    0, methods, slots, NULL, NULL, NULL};
 
 PyMODINIT_FUNC PyInit__passes(void) { return PyModuleDef_Init(&definition); }

@@ -164,7 +164,9 @@ static PyMethodDef methods[] = {
 };
 
 static PyModuleDef_Slot slots[] = {{0, NULL}};
-static struct PyModuleDef definition = {PyModuleDef_HEAD_INIT, "_signed", "Least squares with signs, compiled.", 0,
-                                        methods, slots, NULL, NULL, NULL};
+static struct PyModuleDef definition = {
+    PyModuleDef_HEAD_INIT, "_signed",
+    "Least squares with signs, compiled. " DSD_SOURCE,  // which source this is of: `signals.compiled`
+    0, methods, slots, NULL, NULL, NULL};
 
 PyMODINIT_FUNC PyInit__signed(void) { return PyModuleDef_Init(&definition); }

@@ -183,3 +183,15 @@ def test_lists_in_cells_are_columns(tmp_path):
         np.testing.assert_array_equal(np.concatenate([one.columns["u"] for one in table.batches()]), -np.arange(9.0))
     (tmp_path / "texts.csv").write_text('t,u,note\n1,2,"see [1]"\n2,3,""\n')
     assert content_of(tmp_path / "texts.csv") is None
+
+
+@pytest.mark.parametrize("form", ["[{}, {}]", "[{} {}]", "[ {}\n  {}]", "array('d', [{}, {}])", "({}, {})"])
+def test_lists_as_python_and_numpy_write_them_are_columns(form: str, tmp_path: Path) -> None:
+    """sensor_msgs/JointState of a bag, by pandas: of its effort was said that it holds no numbers."""
+    rows = "".join(f'{k},"[\'base\', \'elbow_1\']","{form.format(f"{k}.5", -k)}","(a, b)"\n' for k in range(9))
+    (tmp_path / "log.csv").write_text(f"t,name,effort,note\n{rows}", encoding="utf-8")
+    table = open_table(tmp_path / "log.csv", {"t": "t", "u": "effort/2", "position": "effort/1"})
+    assert table.column_names == ["t", "name/1", "name/2", "effort/1", "effort/2", "note"]
+    found = {name: np.concatenate([one.columns[name] for one in table.batches()]) for name in ("u", "position")}
+    np.testing.assert_array_equal(found["u"], -np.arange(9.0))
+    np.testing.assert_array_equal(found["position"], np.arange(9.0) + 0.5)

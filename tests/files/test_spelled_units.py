@@ -3,7 +3,7 @@
 import pytest
 
 from dsd_cli.files.names_in import is_unit, unit_in
-from dsd_cli.files.recognise import Recognised, recognise
+from dsd_cli.files.recognise import Recognised, is_motion, recognise
 from dsd_cli.files.words import plain_unit
 
 #: Unit of a position, a velocity and of u -> what one of it is in SI, by the definitions of the units.
@@ -56,6 +56,13 @@ def test_a_meter_at_the_end_of_a_name_measures() -> None:
 
 
 @pytest.mark.parametrize(
+    ("name", "unit"), [("theta_m", ""), ("phi_m/1", ""), ("q_m", ""), ("pos_m", "m"), ("x_m", "m")]
+)
+def test_an_angle_is_in_no_metres_but_may_be_that_of_the_motor(name: str, unit: str) -> None:
+    assert unit_in(name, "position") == unit
+
+
+@pytest.mark.parametrize(
     "form", ["{} actual value ({}h)", "{} actual value (0x{})", "0x{1}: {0}", "{1}h {0} actual value"]
 )
 def test_the_number_of_an_object_is_no_unit_and_says_which_it_has(form: str) -> None:
@@ -68,6 +75,13 @@ def test_the_number_of_an_object_is_no_unit_and_says_which_it_has(form: str) -> 
     assert (found["u"].named, found["u"].factor) == ("%", 0.1)
 
 
+def test_the_speed_of_an_object_is_in_increments_where_nobody_changed_that() -> None:
+    """Drives log rpm or 0.1 rpm there as well: no sentence may hold it for certain."""
+    assert recognise(["Velocity actual value (606Ch)"])["velocity"].spoken == "inc/s by default"
+    assert recognise(["Velocity actual value (606Ch) [rpm]"])["velocity"].spoken == "rpm"
+    assert recognise(["Speed [inc/s]"])["velocity"].spoken == "inc/s"
+
+
 def test_a_unit_that_is_said_is_that_of_the_object() -> None:
     assert recognise(["0x6064: Position [deg]"])["position"].named == "deg"
 
@@ -75,3 +89,21 @@ def test_a_unit_that_is_said_is_that_of_the_object() -> None:
 @pytest.mark.parametrize("unit", ["meters per second per second", "radian/s/s", "revolutions per minute per second"])
 def test_an_acceleration_is_no_speed(unit: str) -> None:
     assert plain_unit(unit).count("/") == 2
+
+
+def test_a_capital_t_is_a_torque_a_small_one_is_the_time() -> None:
+    """T_em, the torque of the air gap, was taken as a second time, and so could not be u."""
+    found = recognise(["t", "theta_m", "omega_m", "T_em"])
+    assert (found["time"].column, found["time"].others) == ("t", ())
+    assert not is_motion("T_em", "")
+    assert [recognise([name])["time"].column for name in ("T_ms", "T_sec", "t_log", "T")]
+
+
+def test_errors_accelerations_and_currents_are_no_places() -> None:
+    """Of each it was said that it could be the position as well."""
+    groups = ["field.actual.positions0", "field.error.positions0"]
+    assert recognise(groups)["position"].others == ()
+    asked = ["X Position Command (mm)", "X Acceleration Command (mm/s^2)"]
+    assert recognise(asked)["reference"].others == ()
+    assert recognise(["position_rev", "q_A", "d_A"])["position"].others == ()
+    assert recognise(["torque of acceleration feedforward"])["u"].column

@@ -42,8 +42,8 @@ _EVALUATIONS, _TOGETHER, _LAST = 80, 100, 200
 _FOUND, _NEARLY_FOUND = 1e-8, 1e-5
 #: Step of its derivatives, as a share of those, and where its unknowns begin.
 _SHARE_OF_SCALE, _FAR = 0.01, 100.0
-#: Which of the values are the logarithms of gap and inertia, and the delay; that of no gap.
-_LOG_GAP, LOG_INERTIA, LATE, _NO_GAP = 1, 4, 5, -60.0
+#: Which of the values are the log gap, the load's part of friction, the log inertia and the delay; that of no gap.
+_LOG_GAP, PART, LOG_INERTIA, LATE, _NO_GAP = 1, 3, 4, 5, -60.0
 #: Typical size of a step: log frequency, log gap, logit of the share, part of the friction, log inertia, samples of
 #: delay, log damping; of other forces, as a share of all forces.
 _SCALES, _SCALE_OF_FORCES = (0.1, 0.1, 0.3, 0.1, 0.05, 0.3, 0.3), 0.05
@@ -124,7 +124,7 @@ class Play:
 
     def changes(self, at: Array) -> Array:
         """Of the coefficients of the other forces, shape (p,); what friction the load has the motor has not."""
-        return np.asarray(at[7:] * self._units - _plain(at)[3] * self.friction)
+        return np.asarray(at[7:] * self._units - _plain(at)[PART] * self.friction)
 
     def values(self, at: Array, variance: float, near: Sequence[Array]) -> dict[str, tuple[float, float]]:
         """{parameter of the effect: (value, standard error)}.

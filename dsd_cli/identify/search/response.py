@@ -17,7 +17,7 @@ from dsd_cli.identify.fit.bank import Term, Terms
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.modes import Modes
-from dsd_cli.identify.search.play import LATE, LOG_INERTIA, Play
+from dsd_cli.identify.search.play import LATE, LOG_INERTIA, PART, Play
 from dsd_cli.identify.search.seen import COUPLING, PLAY, Seen, is_a_load, same_play, seen_by_contacts
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.signals import (
@@ -247,22 +247,22 @@ def _play(search: Search, look: _Look) -> _Found | None:
 
 def _with_friction(search: Search, terms: Terms) -> Terms:
     """The terms, and the friction that any axis has."""
-    ids = {t.id for t in terms}
-    return (*terms, *(Term(name) for name in _IN_ANY_AXIS if name in search.allowed and name not in ids))
+    return (*terms, *(Term(name) for name in _IN_ANY_AXIS if name not in {t.id for t in terms}))
 
 
 def _told_model(look: _Look, play: Play, at: Array, delay: float, values: dict[str, tuple[float, float]]) -> PlantModel:
-    """The model with the play, and with the inertia, delay and other forces that were fitted beside it."""
+    """The model with the play, and with the inertia, delay and other forces that were fitted beside it. Friction of the
+    load that is not identifiable stays the motor's."""
     total = look.fit.total.copy()
+    at = at if "load_level" in values else np.where(np.arange(len(at)) == PART, 0.0, at)
     changes = iter(play.changes(at))
     for t in look.fit.terms:
         if t.effect.role not in _NO_FORCE:
             for i in range(*look.fit.columns_of(t).indices(len(total))):
                 total[i] += next(changes)
-    model = look.part.problem.scale.model(replace(look.fit, total=total))
-    given = {name: value for name, (value, _) in values.items()}
-    late = float(at[LATE]) * play.signals.step
-    return model.changed(max(delay - late, 0.0), math.exp(float(at[LOG_INERTIA])), {PLAY: given})
+    model, given = look.part.problem.scale.model(replace(look.fit, total=total)), {n: x for n, (x, _) in values.items()}
+    late = max(delay - float(at[LATE]) * play.signals.step, 0.0)
+    return model.changed(late, math.exp(float(at[LOG_INERTIA])), {PLAY: given})
 
 
 def _whatever_the_noise(signals: Signals, rival: Array) -> Callable[[Array], Array]:

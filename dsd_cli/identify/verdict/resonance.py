@@ -182,13 +182,13 @@ def _in_band(seen: Seen, search: Search) -> bool:
 
 
 def response_settings(search: Search, effect_id: str, settings: Settings) -> Settings | None:
-    """Settings with the values of an effect that only the response identifies; None where the balance itself
-    identifies them."""
+    """Settings with the values of an effect that only the response identifies: above the band of the balance, or beside
+    friction that the model lacks, which hides a play from the balance. None where the balance itself does."""
     if effect_id not in SHOWN or settings.known.concerns(effect_id):
         return None
     response = response_of(search, search.refit, (effect_id,), doubtful=True)
     seen = response.seen if response is not None else None
-    if seen is None or _in_band(seen, search):
+    if seen is None or (_in_band(seen, search) and {*seen.model.effects} <= {*search.problem.model.effects, effect_id}):
         return None
     return replace(settings, known=settings.known.seeing(effect_id, seen.values, {}))
 
