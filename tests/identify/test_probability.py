@@ -382,3 +382,25 @@ def _of_inertias(given: float, whole: tuple[float, float], rest: tuple[float, st
 def test_what_needs_another_inertia_than_is_given_and_seen_is_no_name(whole, rest, refused):
     fit = SimpleNamespace(terms=())
     assert probability.overturning(_of_inertias(0.02, whole, rest), fit) == refused
+
+
+@pytest.mark.parametrize(
+    ("lead", "shares", "useful", "said"),
+    [
+        (1.8, {"": 0.2, "viscous_friction": 0.6}, True, ["viscous_friction"]),
+        (1.8, {"": 0.6, "viscous_friction": 0.2}, True, []),
+        (1.8, {"": 0.2, "viscous_friction": 0.6}, False, []),
+        (30.0, {"": 0.0, "viscous_friction": 1.0}, True, []),  # few moves alone say it
+        (1.8, {"": 0.2, "stribeck_friction": 0.6}, True, []),  # the best of many speeds
+    ],
+)
+def test_what_is_rather_there_beside_a_set_has_even_odds(monkeypatch, lead, shares, useful, said):
+    """Of moves at one speed viscous friction was less than 1 % beside a dry friction that held all of it."""
+    option = SimpleNamespace(effect=max(shares), fit="with it")
+    search = SimpleNamespace(
+        options=lambda fit: [option], practical=lambda before, after: useful, lead=lambda before, after: lead
+    )
+    monkeypatch.setattr(probability, "probabilities", lambda *_: shares)
+    monkeypatch.setattr(probability, "surest_of", lambda *_: 0.9)
+    found = probability.perhaps_missing(search, "without", None)
+    assert [(one.effect, one.probability) for one in found] == [(name, POLICY.even) for name in said]

@@ -229,6 +229,15 @@ def probability_of(member: Membership, belief: float, surest: float) -> float:
     return min(belief * member.there, surest, member.surest)
 
 
+def perhaps_missing(search: Search, whole: Fit, limits: Limits) -> tuple[Missing, ...]:
+    """The effect beside a set that is of use and rather there than not, but gains too little to be certain: of moves at
+    one speed viscous friction is all but dry friction. Of many shapes one is of use by chance, more by few moves."""
+    useful = [o for o in search.options(whole) if search.practical(whole, o.fit) and not get_effect(o.effect).searched]
+    likely = probabilities(search, whole, useful) if useful else {}
+    open_ = [o for o in useful if min(likely[o.effect], surest_of(search, o.fit, limits)) >= POLICY.even]
+    return tuple(Missing(o.effect, POLICY.even) for o in open_ if search.lead(whole, o.fit) < POLICY.least_gain)
+
+
 def left_over(search: Search, whole: Fit, beyond: Discrepancy) -> float:
     """Probability that what a set leaves is a force that no effect describes; with even odds, where it may be noise."""
     louder, all_of_it = beyond_noise(search, whole), force_beyond(search, whole, beyond)
