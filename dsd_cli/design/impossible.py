@@ -19,7 +19,7 @@ from dsd_cli.design.optimise import Sized
 from dsd_cli.design.results import Impossible
 from dsd_cli.design.targets import GAIN, Targets, apart, within_reach
 from dsd_cli.design.verified import GENTLE
-from dsd_cli.effects import catalogue, find_effect, kind_of
+from dsd_cli.effects import find_effect, told_apart
 from dsd_cli.errors import DataError
 from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.policy import POLICY
@@ -146,10 +146,9 @@ def _said(name: str, lost: Sequence[str]) -> tuple[str, str]:
 
 def _remedy(names: Sequence[str]) -> str:
     """What would settle it: the experiment of the effect's own file, where it knows one."""
-    sides = [[kind_of(part) for part in side.split(" + ") if find_effect(part)] for side in names]
+    sides = [[part for part in side.split(" + ") if find_effect(part)] for side in names]
     if len(sides) == 2:
         for a, b in product(*sides):
-            told = catalogue()[a].told_apart.get(b) or catalogue()[b].told_apart.get(a)
-            if told:
+            if told := told_apart(a, b):
                 return f"{told}; no motion within the limits does it: change the mass or the load, or widen them"
     return "change the mass or the load, widen the limits, or take a finer sensor"

@@ -11,6 +11,7 @@ from dsd_cli.effects.catalogue import (
     kind_of,
     named_effects,
     register,
+    told_apart,
     unregister,
 )
 from dsd_cli.effects.user import load_effects
@@ -34,5 +35,6 @@ __all__ = [
     "load_effects",
     "named_effects",
     "register",
+    "told_apart",
     "unregister",
 ]

@@ -118,6 +118,13 @@ def kind_of(name: str) -> str:
     return found["kind"] if found and name not in catalogue() and find_effect(name) is not None else name
 
 
+def told_apart(one: str, other: str) -> str:
+    """The experiment that distinguishes two effects, from the file of either; "" if neither knows one."""
+    known, pair = catalogue(), (kind_of(one), kind_of(other))
+    found = (known[a].told_apart.get(b) for a, b in (pair, pair[::-1]) if a in known)
+    return next((experiment for experiment in found if experiment), "")
+
+
 def free_name(kind: str, taken: Collection[str]) -> str:
     """The first name of that kind that is not taken; "" where there is one in a model and it is taken."""
     if kind not in taken:

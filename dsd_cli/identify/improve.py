@@ -74,7 +74,9 @@ def improve(
             return climb.ladder(last, _why(last, refused))
         chosen = None if (stop := _stop(climb.steps, last)) else choose(last)
         if chosen is None:
-            return climb.ladder(last, stop or _standing_in(last) or "stopped before the next step was taken")
+            values = ", ".join(last.stand_ins.get(last.verdict, ()))
+            not_taken = f"{last.verdict} may only stand in for {values}" if values else ""
+            return climb.ladder(last, stop or not_taken or "stopped before the next step was taken")
         own = chosen in (INERTIA, DELAY) or chosen in model.effects
         if own and not climb.lowered_by(last.refitted):
             return climb.ladder(last, f"{chosen} is fitted already: the held-out error does not fall")
@@ -238,12 +240,6 @@ def _stop(steps: Sequence[Step], last: Diagnosis) -> str:
     if last.verdict in (INERTIA, DELAY) and steps[-1].effect == last.verdict:
         return f"{last.verdict} was fitted already"
     return ""
-
-
-def _standing_in(last: Diagnosis) -> str:
-    """That what was found next is not to be taken, or ""."""
-    values = last.stand_ins.get(last.verdict, ())
-    return f"{last.verdict} may only stand in for {', '.join(values)}" if values else ""
 
 
 def _why(last: Diagnosis, refused: Sequence[str]) -> str:

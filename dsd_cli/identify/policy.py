@@ -21,7 +21,7 @@ class Policy:
 
     # -- which way round --
     fair_part: float = 0.2  # rms of J a over that of u; with less, u is friction, weight or cogging nearly all through
-    other_way: float = 0.5  # of the held-out error that the forward form leaves, at most, for the inverse to be taken
+    other_way: float = 0.5  # of the share that one form leaves, at most, for the other to be taken
     believed_inertia: float = 4.0  # factor within which an inertia is believed where the log leaves it open
 
     # -- rows --

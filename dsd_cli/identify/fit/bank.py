@@ -174,7 +174,8 @@ class Bank:
         if any(s.pushed is not None and s.pushed[0] == term.id for s in self.equations.stretches):
             return 0.0, 0.0  # a force drives it
         if (shares := self._known.get(("noise", term))) is None:
-            load = noisy_load(self.equations, term)
+            noisy, quiet = (raw_columns(one, term, 0.0)[0] for one in (self.equations.noisy, self.equations))
+            load = [finite(x - y) for x, y in zip(noisy, quiet, strict=True)]
             made = self.equations.whitened(self.equations.acting(load, smooth=True, held=False))
             acceleration = self._noise_acceleration
             shares = [np.array([made @ made, made @ acceleration]) / float(acceleration @ acceleration)]
@@ -262,12 +263,6 @@ def not_negative(term: Term, columns: int) -> bool:
     """Whether the one coefficient has 0 as its lower bound."""
     linear = [p for p in term.effect.parameters if p.linear and not p.listed]
     return columns == 1 and len(linear) == 1 and linear[0].lower >= 0.0
-
-
-def noisy_load(equations: Equations, t: Term) -> list[Array]:
-    """Change of a load's column under a synthetic realisation of the sensor noise, by stretch."""
-    noisy, quiet = (raw_columns(one, t, 0.0)[0] for one in (equations.noisy, equations))
-    return [finite(x - y) for x, y in zip(noisy, quiet, strict=True)]
 
 
 def drive(equations: Equations, inputs: Terms, delay: float) -> list[Array]:

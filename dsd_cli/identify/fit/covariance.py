@@ -93,7 +93,8 @@ class Information:
         moved = np.linalg.solve(left, scores[..., None])[..., 0]
         parts = np.maximum(np.einsum("ki,bij,jk->bk", inverse, normals, inverse), 0.0)
         telling = parts.sum(axis=0) ** 2 / np.maximum(np.sum(parts**2, axis=0), 1e-300)
-        moved = moved * _wider(telling)
+        # 95 % of Student's t reach further, with so many blocks that identify a value, than of the normal distribution
+        moved = moved * student_quantile(np.maximum(telling - 1.0, _FEWEST)) / NORMAL
         return np.asarray(moved.T @ moved * (count - 1) / count)
 
     def steps(self, free: Sequence[bool]) -> tuple[Array, float]:
@@ -138,12 +139,6 @@ def _scaled(normal: Array) -> tuple[Array, Array]:
     size = np.sqrt(np.maximum(np.diag(normal), 0.0))
     size[size == 0.0] = 1.0  # nothing depends on it, as on the gap of a load whose contacts are known
     return size, normal / np.outer(size, size)
-
-
-def _wider(telling: Array) -> Array:
-    """By how much 95 % of Student's t reach further, with so many blocks that identify a value, than of the normal
-    distribution, shape (q,)."""
-    return student_quantile(np.maximum(telling - 1.0, _FEWEST)) / NORMAL
 
 
 def _free(held: Array, size: int) -> Array:

@@ -44,19 +44,18 @@ class Errors:
 
     def moving(self, inertia: float) -> float:
         """rms of u and J a together, unit of u: forces of that size move the axis."""
-        return math.hypot(self.force, inertia * _rms(self.bank.acceleration[self._keep]))
+        return math.hypot(self.force, inertia * self.accelerates)
 
-    def inertia_within(self, rows: Array | None) -> float:
-        """J of which J a is as large as these rows (of an excerpt, too), rms, unit of u; infinite without any."""
-        accelerates = _rms(self.bank.acceleration[self._keep])
-        return math.inf if rows is None or accelerates == 0.0 else _rms(rows) / accelerates
+    @cached_property
+    def accelerates(self) -> float:
+        """rms of a within the band."""
+        return _rms(self.bank.acceleration[self._keep])
 
     def cancelled(self, fit: Fit, term: Term) -> bool:
         """Whether others of a fit must hold this one: its force is more than u and J a together, rms."""
         rows, at = self.bank.rows(fit.terms, fit.tap), fit.columns_of(term)
         force = mixed(rows[1 + at.start : 1 + at.stop], fit.total[at])
-        moving = self.force + whole_inertia(fit) * _rms(self.bank.acceleration[self._keep])
-        return _rms(force[self._keep]) > moving
+        return _rms(force[self._keep]) > self.force + whole_inertia(fit) * self.accelerates
 
     def shaken(self, fit: Fit) -> bool:
         """Whether lines in time move the axis and u is hardly any of J a: a motion that is the sum of a few sines, as

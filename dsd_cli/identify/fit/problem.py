@@ -27,6 +27,7 @@ from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Score
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.once import once
+from dsd_cli.signals.spread import rms
 
 
 @dataclass(frozen=True)
@@ -63,9 +64,12 @@ class Problem:
 
     @cached_property
     def scale(self) -> Scale:
-        """From coefficients to values. A given inertia that is not found stays as far as the log leaves it open."""
+        """From coefficients to values. A given inertia that is not found stays as far as the log leaves it open: until
+        J a is as large as the noise, of an excerpt's rows, too."""
         solver, least = self.solver, 0.0 if self.solver.inverse else POLICY.least_inertia * self.solver.inertia
-        given = min(self.model.inertia, self.errors.inertia_within(self.noise.rows) if solver.inverse else math.inf)
+        given, rows, accelerates = self.model.inertia, self.noise.rows, self.errors.accelerates
+        if solver.inverse and rows is not None and accelerates > 0.0:
+            given = min(given, rms(rows) / accelerates)
         return Scale(solver.bank.tap_time, self.model.rest_speed, solver.known, given, least)
 
     @cached_property
@@ -175,8 +179,8 @@ def pose(
     about = None if near is None else round(near / bank.tap_time)
     every, _ = candidates_of(recordings, holdout, model, replace(settings, effects=None))
     all_beside, tap = (*base, *functions_of_motion(every)), min(round(model.delay / bank.tap_time), most_tap)
-    inverse = settings.inverse or inverse_is_evidence(solver, all_beside, model.inertia, tap)
-    if inverse := inverse and not _drifts(recordings):
+    drowned = settings.inverse is None and inverse_is_evidence(solver, all_beside, model.inertia, tap)
+    if inverse := (settings.inverse or drowned) and not _drifts(recordings):
         solver = Solver(bank, solver.blocks, known=known, inverse=True)
         untestable |= {name: NEEDS_ACCELERATION for name in candidates if needs_acceleration(name)}
         candidates = tuple(name for name in candidates if name not in untestable)
@@ -277,20 +281,17 @@ def _laid_out(
     where the inverse form is evidence: beside functions of the motion it is known as well as it can be; else 0.
 
     J0 gives what is left of the motion the unit of u. A weight or friction that the model lacks swamps J beside its own
-    effects alone, and then whatever is left is a small force: functions of the motion take that away.
+    effects alone, and then whatever is left is a small force: functions of the motion take that away. Without any it is
+    rms u over rms a: between the inertias of the inverse and of the forward form of a mass.
     """
     bank, most_tap = _bank(recordings, longest, settings.band)
     blocks = lay_blocks(bank.equations.lengths, POLICY.gap_rows, recordings[0].name)
     solver = Solver(bank, blocks, known=settings.known, inverse=given > 0.0)
     tap = best_delay(solver, beside, most_tap, round(found / bank.tap_time), believed=believed)
     inertia = max(whole_inertia(solver.fit(terms, tap)) for terms in ((beside,) if solver.inverse else (base, beside)))
-    solver = Solver(bank, blocks, inertia or given or _inertia_by_size(bank), settings.known, inverse=solver.inverse)
+    between = float(np.linalg.norm(bank.drive((), 0))) / max(float(np.linalg.norm(bank.acceleration)), 1e-300)
+    solver = Solver(bank, blocks, inertia or given or between, settings.known, inverse=solver.inverse)
     return solver, most_tap, solver.fit(base, tap)
-
-
-def _inertia_by_size(bank: Bank) -> float:
-    """rms of u over that of the acceleration: between the inertias of the inverse and of the forward form of a mass."""
-    return float(np.linalg.norm(bank.drive((), 0))) / max(float(np.linalg.norm(bank.acceleration)), 1e-300)
 
 
 def _with_noise(problem: Problem, fit: Fit) -> Problem:

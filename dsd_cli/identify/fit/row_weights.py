@@ -71,7 +71,8 @@ def weighed(fit: Fit, solver: Solver, plain: Bank) -> Weighed:
     least = POLICY.rows_per_value * (len(fit.total) + sum(t.effect.searched for t in fit.terms))
     if sure.sum() < least or not unsure.any():
         return Weighed(solver, fit, residual_of_u(fit, solver.bank), float(counted.sum()), bool(unsure.any()))
-    together = _rows_together(unsure, equations)
+    run = np.cumsum(np.concatenate([np.diff(x, prepend=~x[:1]) for x in equations.by_stretch(unsure)]))
+    together = np.bincount(run)[run]  # rows that the stop, or the move, has that each row is in
     for _ in range(_ROUNDS):
         left = residual_of_u(fit, solver.bank) ** 2
         quiet, loud = float(np.mean(left[sure])), float(np.mean(left[unsure]))
@@ -129,12 +130,6 @@ def autocorrelation(x: Array, most: int) -> Array:
     n = len(x)
     products = np.array([np.dot(x[: n - k], x[k:]) for k in range(min(most, n // 4))])
     return products / max(float(products[0]), 1e-300) if len(products) else products
-
-
-def _rows_together(marked: NDArray[np.bool_], equations: Equations) -> NDArray[np.int_]:
-    """How many rows the run has, of marked ones or of others, that each row is in, shape (N,)."""
-    run = np.cumsum(np.concatenate([np.diff(x, prepend=~x[:1]) for x in equations.by_stretch(marked)]))
-    return np.bincount(run)[run]
 
 
 def _exact(fit: Fit, solver: Solver) -> tuple[Fit, Solver]:

@@ -70,7 +70,7 @@ class Settings:
     levels : of single logs, found with nothing given; None to look for them.
     begun : a model with the set that the last rung found: one of those that the search weighs; `begun_with` : effects
         of that set that the climb took since it was found.
-    inverse : whether u by the motion is evidence, however large J a is; else that decides (`fit.direction`).
+    inverse : whether u by the motion is evidence, however large J a is; None: that decides (`fit.direction`).
     linear : whether the position is known to be a length.
     """
 
@@ -82,7 +82,7 @@ class Settings:
     levels: tuple[Deviations, ...] | None = None
     begun: PlantModel | None = None
     begun_with: tuple[str, ...] = ()
-    inverse: bool = False
+    inverse: bool | None = None
     linear: bool = False
 
     def without(self, refused: Sequence[str]) -> Settings:

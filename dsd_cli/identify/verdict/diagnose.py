@@ -36,7 +36,7 @@ from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.levels import log_levels, with_levels_said
 from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.identify.verdict.own_values import own_values
-from dsd_cli.identify.verdict.probability import memberships
+from dsd_cli.identify.verdict.probability import memberships, overturning
 from dsd_cli.identify.verdict.pushes import pushed
 from dsd_cli.identify.verdict.resonance import with_response
 from dsd_cli.identify.verdict.stability import with_stability
@@ -90,6 +90,8 @@ def diagnose(
     if answer is not None:
         return answer
     members = {} if limits.blocked or shown.seen is not None else memberships(search, whole, beyond.unknown)
+    if members and not task.settings.taken and (refused := overturning(search, whole)):  # else values are not given
+        return again(apart.plain, settings=task.settings.without([refused]), holdout=holdout)
     options = [*search.options(search.refit), *first]
     verdict = Verdict(search, options, whole, members, own_values(search, shown), beyond, shown, limits)
     if verdict.rising:  # what raises the error stands in for something else: the search begins again without it
@@ -149,24 +151,30 @@ def _without_delay(found: Diagnosis) -> Diagnosis:
 
 
 def _either_way(task: Task) -> Levelled:
-    """The motion by u, or where that leaves more than the sensor does, and u by the motion clearly less, that instead.
-    Each is less by its own measure: of a u that hardly matters to the motion little is left, whatever explains it.
+    """The motion by u, or u by the motion; where the one taken leaves more than the sensor does, the other if it leaves
+    clearly less. Each is less by its own measure: of what hardly matters to the other little is left in any case.
 
     An axis that sticks and slips accelerates hard for moments, so that J a is a fair part of u, and yet what u does
     not explain is most of that: friction and cogging, which the motion explains all of. So is noise that u alone has.
+    A dead zone is no function of the motion, but the motion shows it, however small a part of u J a is.
     """
     found = levelled(task)
-    search, whole = found.search, found.whole
-    drifts = search.problem.reconstructed("velocity")
-    tells = not drifts and tells_by_motion(search.problem.errors.bank, whole.tap, search.solver.inertia)
-    errors = search.problem.errors
-    if search.solver.inverse or not tells or not (above_floor(search, whole) or noise_of_u(search, whole)):
+    search, whole, inverse = found.search, found.whole, found.search.solver.inverse
+    bank, drifts = search.problem.errors.bank, search.problem.reconstructed("velocity")
+    tells = inverse or tells_by_motion(bank, whole.tap, search.solver.inertia)
+    more = above_floor(search, whole) or (not inverse and noise_of_u(search, whole))
+    if task.settings.inverse is not None or drifts or not (tells and more):
         return found
-    there = levelled(replace(task, settings=replace(task.settings, inverse=True)))
-    errors_there = there.search.problem.errors
-    share = errors.rmse(whole) / errors.moving(search.solver.inertia)
-    less = errors_there.rmse(there.whole) < POLICY.other_way * share * errors_there.force
-    return there if less or noise_of_u(there.search, there.whole) else found
+    there = levelled(replace(task, settings=replace(task.settings, inverse=not inverse)))
+    less = _unexplained(there) < POLICY.other_way * _unexplained(found, beside_u=True)
+    return there if less or (not inverse and noise_of_u(there.search, there.whole)) else found
+
+
+def _unexplained(found: Levelled, beside_u: bool = False) -> float:
+    """Share that is left of u, or of J a; `beside_u`: of both together, for forces of that size move the axis."""
+    errors, solver = found.search.problem.errors, found.search.solver
+    moved = errors.moving(solver.inertia) if beside_u else solver.inertia * errors.accelerates
+    return errors.rmse(found.whole) / max(errors.force if solver.inverse else moved, 1e-300)
 
 
 def strongest_first(search: Search, whole: Fit) -> tuple[Fit, list[Option]]:
@@ -216,7 +224,10 @@ def prior_check(
     estimates = free.problem.values(whole).estimates
     by_log = log_levels(apart.levels, estimates, [r.name for r in recordings])
     against = told_far_off(known, estimates, recordings[0].sample_time, by_log)
-    if not against or above_floor(free, whole) or _to_mend(free, whole, settings):
+    if not against or above_floor(free, whole):
+        return looked, ()
+    limits = limits_of(free, whole, replace(settings, known=PriorKnowledge()), None)
+    if limits.blocked or limits.idle is not None or limits.time.said:  # what is to be mended first bends values
         return looked, ()
     levels = tuple(one for one in apart.levels if one.name not in known.fixed)
     told = Search(pose(with_levels(apart.plain, levels), model, settings))
@@ -231,12 +242,6 @@ def _free(task: Task) -> Levelled:
         return levelled(task)
     search = Search(pose(task.recordings, task.model, task.settings))
     return Levelled(task.recordings, task, search, search.run(search.refit))
-
-
-def _to_mend(free: Search, whole: Fit, settings: Settings) -> bool:
-    """Whether the log itself is to be mended first: a u that is late, smoothed or in part did not act bends values."""
-    limits = limits_of(free, whole, replace(settings, known=PriorKnowledge()), None)
-    return bool(limits.blocked or limits.idle is not None or limits.time.said)
 
 
 def _as_good(told: Search, whole: Fit) -> set[str]:

@@ -23,6 +23,7 @@ from dsd_cli.identify.verdict.probability import (
     lowering_together,
     missing_of,
     nothing_missing,
+    perhaps_missing,
     probabilities,
     probability_of,
     surest_of,
@@ -58,6 +59,7 @@ class Verdict:
         self.named, self.sure = self.verdict()
         most = min(self.surest, POLICY.even if self.named == UNKNOWN else 1.0)
         self.missing = missing_of(members, most, dict.fromkeys((self.named, *self._named_for.values()), self.sure))
+        self.missing += perhaps_missing(search, whole, limits) if self.named in members and not beyond.unknown else ()
         if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
             fit = search.converged(self.alone[self.named].fit)
             self.alone[self.named] = Option(self.named, fit, search.evidence(fit))
@@ -292,8 +294,8 @@ class Verdict:
             return self.sure
         if self.limits.blocked:  # none is in an answer
             return 0.0
-        if effect in self.members:
-            return next(one.probability for one in self.missing if one.effect == effect)
+        if said := [one.probability for one in self.missing if one.effect == effect]:
+            return said[0]
         if not self.members:
             likely = probabilities(self.search, self.search.refit, self.options).get(effect, 0.0)
             return likely if self.named != UNKNOWN or self._lowers(effect) else 0.0

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.effects import catalogue, kind_of
+from dsd_cli.effects import told_apart
 from dsd_cli.identify.fit.freeform import GAIN
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings, constant_u
@@ -126,7 +126,7 @@ def advice_for(
     lines = []
     alike: dict[str, list[str]] = {}
     for rival in named.indistinguishable_from if named is not None else ():
-        alike.setdefault(_experiment(verdict, rival), [verdict]).append(rival)
+        alike.setdefault(told_apart(verdict, rival) or _GENERAL, [verdict]).append(rival)
     lines += [f"{' or '.join(names)}? {experiment}" for experiment, names in alike.items()]
     if nearest:
         lines.append(f"to see whether it is {nearest}, record a longer log: {_GENERAL}")
@@ -151,10 +151,3 @@ def _look_at(depends_on: Sequence[str]) -> str:
     if GAIN in depends_on:
         return f"u moves the axis more at times, by {over}: does the inertia, the load or the gain of the drive vary?"
     return f"look at the residual over {over}" + (" (dsd compare --plot)" if channels else "")
-
-
-def _experiment(one: str, other: str) -> str:
-    """The experiment that distinguishes the two, from the file of either."""
-    effects, one, other = catalogue(), kind_of(one), kind_of(other)
-    found = (effects[a].told_apart.get(b) for a, b in ((one, other), (other, one)) if a in effects)
-    return next((experiment for experiment in found if experiment), _GENERAL)

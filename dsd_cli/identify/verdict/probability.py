@@ -18,7 +18,7 @@ from dsd_cli.identify.fit.bank import has_friction
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.results import Estimates
+from dsd_cli.identify.results import INERTIA, Estimates
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.search.evidence import in_plain_laws
 from dsd_cli.identify.search.sets import Option, Search
@@ -166,6 +166,21 @@ def _changed(search: Search, fit: Fit) -> float:
     return max((abs(math.log(now / was)) if now * was > 0.0 else math.inf for was, now in sizes if was), default=0.0)
 
 
+def overturning(search: Search, whole: Fit) -> str:
+    """The member beside which the axis must surely have another inertia by far than is given and than the log
+    identifies without that member, or "": a mass of five times the given one that answers 5 ms late has whatever
+    resonance explains a gain which falls with the position."""
+    found, given = search.values(whole).estimates[INERTIA], search.problem.model.inertia
+    sure = POLICY.told_deviations * found.std_error
+    nearest = min(max(given, found.value - sure), found.value + sure)
+    for member in search.added(whole.terms) if sure > 0.0 else ():
+        rest = search.problem.values(search.without(whole, member)).estimates[INERTIA]
+        apart = min(abs(math.log(nearest / one)) for one in (given, rest.value)) if rest.grade == "identified" else 0.0
+        if apart > math.log(POLICY.believed_inertia):
+            return member.id
+    return ""
+
+
 def _of_position(effect_id: str) -> bool:
     """Whether the effect is a force that depends on the position alone: without its zero, one passes for another."""
     effect = get_effect(effect_id)
@@ -212,6 +227,15 @@ def missing_of(members: Mapping[str, Membership], surest: float, said: Mapping[s
 def probability_of(member: Membership, belief: float, surest: float) -> float:
     """That an effect is missing. belief : in it, against every other in its place. surest : as in `missing_of`."""
     return min(belief * member.there, surest, member.surest)
+
+
+def perhaps_missing(search: Search, whole: Fit, limits: Limits) -> tuple[Missing, ...]:
+    """The effect beside a set that is of use and rather there than not, but gains too little to be certain: of moves at
+    one speed viscous friction is all but dry friction. Of many shapes one is of use by chance, more by few moves."""
+    useful = [o for o in search.options(whole) if search.practical(whole, o.fit) and not get_effect(o.effect).searched]
+    likely = probabilities(search, whole, useful) if useful else {}
+    open_ = [o for o in useful if min(likely[o.effect], surest_of(search, o.fit, limits)) >= POLICY.even]
+    return tuple(Missing(o.effect, POLICY.even) for o in open_ if search.lead(whole, o.fit) < POLICY.least_gain)
 
 
 def left_over(search: Search, whole: Fit, beyond: Discrepancy) -> float:

@@ -96,7 +96,8 @@ def idle_part(search: Search, whole: Fit, settings: Settings, seen: Seen | None)
         there = replace(problem.model, effects=forces)
         without = posed(taken_off, there, settings, as_found.delay)
         left = without.problem.errors.rmse(without.refit)
-        if load is not None and not _shows(without, load):
+        response = load and response_of(without, without.refit, (load,), doubtful=True)
+        if load is not None and not (response and response.seen):
             return part.shown("the response shows no load")
         better = left < most and left < least and problem.falls(before, left, search.refit)
         if better and not acted:
@@ -119,12 +120,6 @@ def _answered(search: Search, whole: Fit, taken_off: Sequence[Recording]) -> flo
     kept = bank.equations.kept
     theta = solve(total_gram([x[kept] for x in (acceleration, rest, drive - rest, *others)])[None])[0]
     return float(theta[1] / theta[0]) if theta[0] > 0.0 else 1.0
-
-
-def _shows(search: Search, effect: str) -> bool:
-    """Whether the response shows a load."""
-    response = response_of(search, search.refit, (effect,), doubtful=True)
-    return response is not None and response.seen is not None
 
 
 def _parts(recordings: Sequence[Recording], inertia: float) -> Iterator[tuple[UnactedCommand, list[Recording]]]:
