@@ -13,6 +13,7 @@ the other; what only interpolates does not.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -25,7 +26,7 @@ from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.discrepancy import beyond_noise
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, beyond_noise, discrepancy_of
 from dsd_cli.signals.log import Array
 
 DRAWS, SEED = 400, 20261121
@@ -142,6 +143,12 @@ class UnnamedLaws:
         shares = shared_belief(gains, np.array(prices))
         parts = [(float(share), self._part_beside(member, on)) for share, on in zip(shares, beside, strict=False)]
         return parts, float(shares[len(beside) + 1 :][of_own].sum())
+
+
+def without_imitating(search: Search, whole: Fit, named: set[str], beyond: Discrepancy) -> tuple[Fit, Discrepancy]:
+    """A set and what is beyond it; without the members that imitate another law, if any are named, which is unknown."""
+    rest = search.without(whole, *(t for t in whole.terms if t.id in named)) if named else whole
+    return rest, replace(discrepancy_of(search, rest), unknown=True) if named else beyond
 
 
 def of_places(effect: Effect) -> bool:

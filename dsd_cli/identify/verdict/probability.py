@@ -23,14 +23,7 @@ from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.search.evidence import in_plain_laws
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.belief import UnnamedLaws, shared_belief
-from dsd_cli.identify.verdict.discrepancy import (
-    Discrepancy,
-    above_floor,
-    beyond_noise,
-    discrepancy_of,
-    force_beyond,
-    noise_of_u,
-)
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise, force_beyond, noise_of_u
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.pushes import pushes_leave_more
 
@@ -83,17 +76,6 @@ def memberships(search: Search, whole: Fit, unknown: bool) -> dict[str, Membersh
         t.id: replace(membership(search, whole, t.id, misfit), there=likely, imitates=laws.imitates(t, likely))
         for t, likely in there.items()
     }
-
-
-def without_imitating(
-    search: Search, whole: Fit, members: Mapping[str, Membership], beyond: Discrepancy
-) -> tuple[Fit, Discrepancy]:
-    """The set that was found without members that imitate another law, and what is beyond it: that law is unknown."""
-    alike = [t for t in whole.terms if t.id in members and members[t.id].imitates]
-    if not alike:
-        return whole, beyond
-    rest = search.without(whole, *alike)
-    return rest, replace(discrepancy_of(search, rest), unknown=True)
 
 
 def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Membership:
