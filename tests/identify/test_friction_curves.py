@@ -98,3 +98,16 @@ def test_beside_friction_with_a_memory_no_less_is_of_use_than_beside_any_other(n
     fit = SimpleNamespace(terms=tuple(Term(name) for name in names))
     problem = SimpleNamespace(errors=SimpleNamespace(force=2.0))
     assert Problem.least_of_use(problem, fit) == pytest.approx(2.0 * share)
+
+
+def test_what_acts_on_u_is_asked_for_its_place_only_where_more_is_missing(monkeypatch):
+    """It has no columns of its own, so that a set without it left no more: a dead zone of a valve was 5 % for 96 %."""
+    errors = SimpleNamespace(force=1.0, rmse=lambda fit: {"whole": 0.01, "rest": math.hypot(0.01, 0.1)}[fit])
+    monkeypatch.setattr("dsd_cli.identify.verdict.belief.beyond_noise", lambda *_: POLICY.least_unknown)
+    laws = UnnamedLaws(SimpleNamespace(problem=SimpleNamespace(errors=errors)), "whole")
+    monkeypatch.setattr(UnnamedLaws, "_shares", lambda *_: ([(0.05, 1.0)], 0.0))
+    alone = 1.0 / (1.0 + 0.1**2)
+    for more, share in ((False, 1.0), (True, 0.05)):
+        monkeypatch.setattr("dsd_cli.identify.verdict.belief.above_floor", lambda *_, more=more: more)
+        assert laws.belief(Term("dead_zone"), "rest") == pytest.approx(share * alone)
+        assert laws.belief(Term("viscous_friction"), "rest") == pytest.approx(0.05 * alone)
