@@ -88,7 +88,8 @@ def test_what_is_left_counts_in_full_beside_an_effect_with_memory(monkeypatch):
     monkeypatch.setattr(discrepancy, "surely_left", lambda search, _fit: search.problem.errors.rmse("whole"))
     squares = {"whole": 0.1, "rest": math.sqrt(2.0) * 0.1}
     errors = SimpleNamespace(force=1.0, rmse=lambda fit: squares[fit])
-    laws = UnnamedLaws(SimpleNamespace(problem=SimpleNamespace(errors=errors, floor=0.0)), "whole", misfit=False)
+    monkeypatch.setattr(UnnamedLaws, "_shares", lambda *_: ([(1.0, 1.0)], 0.0))
+    laws = UnnamedLaws(SimpleNamespace(problem=SimpleNamespace(errors=errors, floor=0.0)), "whole")
     assert laws.belief(Term("coulomb_friction"), "rest") == pytest.approx(1.0 / (1.0 + 0.1**2))
     assert laws.belief(Term("presliding_friction"), "rest") == pytest.approx(0.1)
 

@@ -108,8 +108,9 @@ class Problem:
         return fall > (1.0 - (1.0 - POLICY.least_fall) ** 2) * was**2 and fall > least**2
 
     def least_of_use(self, fit: Fit) -> float:
-        """rms of the least force whose explanation is of use beside a fit, unit of u."""
-        return (POLICY.least_unknown if has_friction(fit.terms) else POLICY.least_force) * self.errors.force
+        """rms of the least force that is of use to explain beside a fit, unit of u: turns are known in part."""
+        rubs = has_friction(fit.terms) or any(t.effect.memory and t.effect.role is Role.APPLIED for t in fit.terms)
+        return (POLICY.least_unknown if rubs else POLICY.least_force) * self.errors.force
 
     def score(self, fit: Fit) -> Score:
         """Errors of a fit, unit of u."""

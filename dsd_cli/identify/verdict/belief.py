@@ -13,6 +13,7 @@ the other; what only interpolates does not.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cached_property
 
 import numpy as np
@@ -25,7 +26,7 @@ from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.discrepancy import beyond_noise
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise, discrepancy_of
 from dsd_cli.signals.log import Array
 
 DRAWS, SEED = 400, 20261121
@@ -65,14 +66,11 @@ class UnnamedLaws:
     A set that leaves something is one of several: the rest may be a function of any channels, and an effect either acts
     beside that, or stands in for it. Each function, and none, is fitted with the effect and without it, and these share
     the belief (Bayesian model averaging; Hoeting et al. 1999). So dry friction stays sure where what is left depends on
-    the position, unless a function of the position does as well without it. What laws of the position leave is what
-    they leave in the other half of the travel, too: several of them together imitate any smooth function of it.
-
-    misfit : whether more is left than the sensor leaves; without, nothing stands in for anything.
+    the position, unless a function of that does as well without it. What laws of it leave in the other half counts too.
     """
 
-    def __init__(self, search: Search, whole: Fit, misfit: bool) -> None:
-        self.search, self.whole, self.misfit = search, whole, misfit
+    def __init__(self, search: Search, whole: Fit) -> None:
+        self.search, self.whole = search, whole
         self.left = beyond_noise(search, whole)
 
     @cached_property
@@ -91,42 +89,43 @@ class UnnamedLaws:
     def belief(self, member: Term, rest: Fit) -> float:
         """That what a member explains is there as such. rest : the set without it.
 
-        Of what is left beside an effect only the background counts that no model of an axis says better; of a function
-        of its own channels, which does better in its place, all that is left, for what stands in for another law leaves
-        a good part of that.
+        Of what is left beside an effect only the background counts that no model of an axis says better; where another
+        law of its own channels does better in its place all of that, for what stands in leaves a good part.
         """
         rmse = self.search.problem.errors.rmse
-        own = max(rmse(rest) ** 2 - rmse(self.whole) ** 2, 0.0)
+        worth, left = max(rmse(rest) ** 2 - rmse(self.whole) ** 2, 0.0), self.left
 
-        def share(left: float) -> float:
-            return own / max(own + left**2, 1e-300)
+        def share(left: float, part: float = 1.0) -> float:
+            return part * worth / max(part * worth + left**2, 1e-300)
 
-        placed, left = of_places(member.effect) and self.elsewhere > 0.0, self.left
-        if placed:  # what no function of the position takes over acts beside it
-            beside, left = self._of_no_place(member), self.elsewhere
-            instead = 1.0 - beside
-        else:
-            beside, instead = self._shares(member) if self.misfit else (1.0, 0.0)
+        beside, instead = [(1.0, 1.0)], 0.0
+        if of_places(member.effect) and self.elsewhere > 0.0:  # what no function of the position takes over acts beside
+            of_no_place, left = self._part_beside(member, (PLACE,)), self.elsewhere
+            beside, instead = [(of_no_place, 1.0)], 1.0 - of_no_place
+        elif left > 0.0 and (member.effect.role is not Role.INPUT or above_floor(self.search, self.whole)):
+            beside, instead = self._shares(member)  # what acts on u has no columns: asked only where more is missing
         background = min(self.left, POLICY.least_unknown * self.search.problem.errors.force)
         if member.effect.memory:  # no function of the channels does what another law with memory does
             background = POLICY.stands_in * self.left
-        return beside * share(background) + instead * share(POLICY.stands_in * left)
+        there = sum(likely * share(background, part) for likely, part in beside)
+        return there + instead * share(POLICY.stands_in * left)
 
     def imitates(self, member: Term, there: float) -> bool:
-        """Whether a law of the position that the other half of the travel speaks against is rather not there."""
-        return there < POLICY.even and of_places(member.effect) and self.elsewhere > 0.0
+        """Whether another law is rather there: the other half of the travel says so, or one of its channels alone."""
+        other = self.elsewhere > 0.0 if of_places(member.effect) else len(member.effect.needs) > 1
+        return there < POLICY.even and other
 
-    def _of_no_place(self, member: Term) -> float:
-        """Share of what a law of the position takes off that a free function of the position does not take over: of the
-        pitch of magnets that is finer than such a function all, of a weight nothing."""
-        fits, on = self._part[2], (PLACE,)
-        worth = float(fits.without(member.id).sum() - fits.without("").sum())
-        own = float(fits.without(member.id, on).sum() - fits.without("", on).sum())
-        return min(max(own / max(worth, 1e-300), 0.0), 1.0)
+    def _part_beside(self, member: Term, on: Law) -> float:
+        """Share of what an effect takes off that a free function of these channels does not take over: beside one of
+        the position all of the pitch of magnets that is finer, and none of a weight; beside one of the speed, of
+        friction by the load, what the load shows at one speed."""
+        fits = self._part[2]
+        worth, own = (float(fits.without(member.id, law).sum() - fits.without("", law).sum()) for law in ((), on))
+        return min(max(own / worth, 0.0), 1.0) if worth > 0.0 else 1.0
 
-    def _shares(self, member: Term) -> tuple[float, float]:
-        """Belief that an effect acts beside whatever else does, and that a function of its own channels acts instead;
-        the rest is that of functions of other channels, or of nothing, instead."""
+    def _shares(self, member: Term) -> tuple[list[tuple[float, float]], float]:
+        """([belief that an effect acts beside a law, or alone; its part beside that], belief that a function of its own
+        channels acts instead); the rest is that of functions of other channels, or of nothing, instead."""
         search, fit, fits = self._part
         own = set(member.effect.needs or ("time",))
         groups = [g for g in fits.groups() if "u" in own or "u" not in g]  # a loop's u answers whatever acts
@@ -142,7 +141,14 @@ class UnnamedLaws:
         likeliest = min(squares, key=lambda left: float(left.sum()))
         gains = np.stack([search.gained(likeliest, left) for left in squares]) / search.by_chance(rest, fit)
         shares = shared_belief(gains, np.array(prices))
-        return float(shares[: len(beside)].sum()), float(shares[len(beside) + 1 :][of_own].sum())
+        parts = [(float(share), self._part_beside(member, on)) for share, on in zip(shares, beside, strict=False)]
+        return parts, float(shares[len(beside) + 1 :][of_own].sum())
+
+
+def without_imitating(search: Search, whole: Fit, named: set[str], beyond: Discrepancy) -> tuple[Fit, Discrepancy]:
+    """A set and what is beyond it; without the members that imitate another law, if any are named, which is unknown."""
+    rest = search.without(whole, *(t for t in whole.terms if t.id in named)) if named else whole
+    return rest, replace(discrepancy_of(search, rest), unknown=True) if named else beyond
 
 
 def of_places(effect: Effect) -> bool:

@@ -13,6 +13,7 @@ from dsd_cli.identify.missing import Missing
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
 from dsd_cli.identify.search.sets import Option, Search
+from dsd_cli.identify.verdict.belief import without_imitating
 from dsd_cli.identify.verdict.contradictions import contradictions
 from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, before_climb, only_at_stops, said_of_left
 from dsd_cli.identify.verdict.limits import Limits, advice_for
@@ -28,7 +29,6 @@ from dsd_cli.identify.verdict.probability import (
     probability_of,
     surest_of,
     unexplained_of,
-    without_imitating,
 )
 from dsd_cli.identify.verdict.resonance import Resonance, note_on
 
@@ -50,7 +50,8 @@ class Verdict:
         self.search, self.problem, self.seen, self.shown = search, search.problem, shown.seen, shown
         self.options, self.whole, self.members, self.own = options, whole, members, own
         self.limits, self._named_for = limits, dict[str, str]()
-        self.named_part, self.beyond = without_imitating(search, whole, members, beyond)
+        imitating = {name for name, member in members.items() if member.imitates}
+        self.named_part, self.beyond = without_imitating(search, whole, imitating, beyond)
         self.surest, self.alone = surest_of(search, whole, limits), {o.effect: o for o in options}
         for one in self._members_alone():
             self.alone[one.effect] = max(self.alone.get(one.effect, one), one, key=lambda o: o.evidence)

@@ -22,7 +22,7 @@ from dsd_cli.identify.results import INERTIA, Estimates
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.search.evidence import in_plain_laws
 from dsd_cli.identify.search.sets import Option, Search
-from dsd_cli.identify.verdict.belief import PLACE, UnnamedLaws, shared_belief
+from dsd_cli.identify.verdict.belief import UnnamedLaws, shared_belief
 from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise, force_beyond, noise_of_u
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.pushes import pushes_leave_more
@@ -38,7 +38,7 @@ class Membership:
     probabilities : effect (or `NOTHING`) -> share of belief. rivals : effects that explain the recordings as well;
     alike : those of them whose likelihood is less, but by no more than the model misfits anyway, and that change what
     the model had given as little. there : belief that it, or what takes its place, acts beside any law without a name.
-    imitates : with others it does what some force of the position does, and not in the other half of the travel.
+    imitates : it does what another law does: see `UnnamedLaws.imitates`.
     surest : no verdict on it may be surer.
     """
 
@@ -70,23 +70,12 @@ class Membership:
 def memberships(search: Search, whole: Fit, unknown: bool) -> dict[str, Membership]:
     """Of each effect that was found; `unknown` : something remains that nothing explains."""
     misfit = unknown or search.problem.reconstructed("velocity")
-    laws = UnnamedLaws(search, whole, unknown or above_floor(search, whole))
+    laws = UnnamedLaws(search, whole)
     there = {t: laws.belief(t, search.without(whole, t)) for t in search.added(whole.terms)}
     return {
         t.id: replace(membership(search, whole, t.id, misfit), there=likely, imitates=laws.imitates(t, likely))
         for t, likely in there.items()
     }
-
-
-def without_imitating(
-    search: Search, whole: Fit, members: Mapping[str, Membership], beyond: Discrepancy
-) -> tuple[Fit, Discrepancy]:
-    """The set that was found without members that imitate a force of the position together, and what is beyond it: that
-    force is unknown. The values of the others stay those beside them."""
-    alike = [t for t in whole.terms if t.id in members and members[t.id].imitates]
-    if not alike:
-        return whole, beyond
-    return search.without(whole, *alike), replace(beyond, on=(PLACE,), unknown=True)
 
 
 def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Membership:
