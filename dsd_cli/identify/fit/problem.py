@@ -64,8 +64,7 @@ class Problem:
 
     @cached_property
     def scale(self) -> Scale:
-        """From coefficients to values. A given inertia that is not found stays as far as the log leaves it open: until
-        J a is as large as the noise, of an excerpt's rows, too."""
+        """From coefficients to values. A given inertia that is not found stays until J a is as large as the noise."""
         solver, least = self.solver, 0.0 if self.solver.inverse else POLICY.least_inertia * self.solver.inertia
         given, rows, accelerates = self.model.inertia, self.noise.rows, self.errors.accelerates
         if solver.inverse and rows is not None and accelerates > 0.0:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -18,7 +18,7 @@ from dsd_cli.identify.fit.row_weights import many_sure, surely_less
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.signals.log import Array
 
 
@@ -168,6 +168,20 @@ def said_of_left(search: Search, fit: Fit) -> tuple[str, ...]:
         f"most of the error that the fit leaves, {left:.3g}, is from stops and creeping, where the direction is not"
         f" sure and nothing is identifiable; elsewhere it is {elsewhere:.3g}",
     )
+
+
+def in_creeping(search: Search, options: Sequence[Option]) -> Option | None:
+    """An effect that would take much off what is left, but only at stops and in creeping, where nothing is sure."""
+    rmse = search.problem.errors.rmse
+    if not options or not only_at_stops(search, search.refit):
+        return None
+    best = min(options, key=lambda o: rmse(o.fit))
+    return best if rmse(best.fit) < (1.0 - POLICY.clear_fall) * rmse(search.refit) else None
+
+
+def weightless(search: Search, fit: Fit) -> bool:
+    """Whether effects explain u, which is not all friction, by itself (hardly any inertia is left) or J a so."""
+    return not search.solver.inverse and (search.problem.scale.weightless(fit) or search.problem.errors.shaken(fit))
 
 
 def left_elsewhere(search: Search, fit: Fit) -> float:

@@ -15,7 +15,15 @@ from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling,
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.belief import without_imitating
 from dsd_cli.identify.verdict.contradictions import contradictions
-from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, before_climb, only_at_stops, said_of_left
+from dsd_cli.identify.verdict.discrepancy import (
+    Discrepancy,
+    above_floor,
+    before_climb,
+    in_creeping,
+    only_at_stops,
+    said_of_left,
+    weightless,
+)
 from dsd_cli.identify.verdict.limits import Limits, advice_for
 from dsd_cli.identify.verdict.own_values import ParameterCheck
 from dsd_cli.identify.verdict.probability import (
@@ -104,7 +112,7 @@ class Verdict:
         best, rmse = self._first(), self.problem.errors.rmse
         member = self.members[best]
         group = [name for name in (best, *member.alike) if self._lowers(name)]
-        if not group or self._weightless(self.whole):
+        if not group or weightless(self.search, self.whole):
             self.rising = best if self._explains(best) else ""
             return self._unknown()
         begun = before_climb(self.search, self.whole, self.beyond, self.shown.settings, best)
@@ -131,11 +139,6 @@ class Verdict:
         limit = (1.0 + POLICY.nearly_the_same) * self.problem.errors.rmse(self.alone[best].fit)
         near = [m for m in members if m in self.alone and self.problem.errors.rmse(self.alone[m].fit) <= limit]
         return min((best, *near), key=lambda name: get_effect(name).rarity)
-
-    def _weightless(self, fit: Fit) -> bool:
-        """Whether effects explain u, which is not all friction, by itself (hardly any inertia is left) or J a so."""
-        scale, errors = self.problem.scale, self.problem.errors
-        return not self.search.solver.inverse and (scale.weightless(fit) or errors.shaken(fit))
 
     def _share_of_possible(self, before: float, after: float) -> float:
         """Explained share of the power that could be explained; 1 where nothing unknown remains."""
@@ -165,14 +168,6 @@ class Verdict:
         if option is None:
             return False, False, -math.inf
         return lowers, lowers and self.problem.errors.rmse(option.fit) < self.own.score.rmse, option.evidence
-
-    def _in_creeping(self) -> Option | None:
-        """An effect that would take much off what is left, but only at stops and in creeping, where nothing is sure."""
-        search, rmse = self.search, self.problem.errors.rmse
-        if not self.options or not only_at_stops(search, search.refit):
-            return None
-        best = min(self.options, key=lambda o: rmse(o.fit))
-        return best if rmse(best.fit) < (1.0 - POLICY.clear_fall) * rmse(search.refit) else None
 
     def diagnosis(self) -> Diagnosis:
         """The whole answer."""
@@ -226,7 +221,7 @@ class Verdict:
     def _nearest(self) -> str:
         """The effect that would explain much of what is unknown, but not in all blocks, or is believed less."""
         if self.named == NONE:
-            return creeping.effect if (creeping := self._in_creeping()) is not None else ""
+            return creeping.effect if (creeping := in_creeping(self.search, self.options)) is not None else ""
         alike = self.beyond.of_gain and not self.members  # u times something is no effect
         if self.doubted or self.named != UNKNOWN or not self.options or self.limits.blocked or alike:
             return self.doubted

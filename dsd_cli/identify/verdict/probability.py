@@ -272,5 +272,4 @@ def lowering_together(search: Search, whole: Fit, before: float) -> set[str]:
     added, left = search.added(whole.terms), search.problem.score(whole).heldout_rmse
     if len(added) < 2 or not left < before:
         return set()
-    without = {t.id: search.fit(tuple(x for x in whole.terms if x != t), whole.tap) for t in added}
-    return {name for name, fit in without.items() if left < search.problem.score(fit).heldout_rmse}
+    return {t.id for t in added if left < search.problem.score(search.without(whole, t)).heldout_rmse}
