@@ -232,7 +232,8 @@ def _play(search: Search, look: _Look) -> _Found | None:
     rest = play.left(at)
     values = play.values(at, variance_of(rest), near)
     (gap, spread), resolved = values["gap"], search.ranges.resolution / POLICY.resolved_deviations
-    told = gap > POLICY.value_deviations * max(spread, 0.0) and gap > resolved
+    share, apart = values["load_share"]
+    told = gap > max(POLICY.value_deviations * spread, resolved) and share > POLICY.value_deviations * apart
     free = [signals.rows(x) for x in signals.given]
     others = (look.modes.rigid(), look.modes.columns(look.at))
     rivals = [left(np.column_stack([x, *free]), signals.target) for x in others]
@@ -241,7 +242,7 @@ def _play(search: Search, look: _Look) -> _Found | None:
     white = correlation_time(rest) < POLICY.response_correlated or _fall(rival, rest) > POLICY.response_fall
     fresh = _whatever_the_noise(signals, rival)
     much = enough(gains(fresh(rival), fresh(rest)))
-    certain = much and told and white and is_a_load(values["load_share"][0]) and _agreed(gains(rival, rest))
+    certain = much and told and white and is_a_load(share) and _agreed(gains(rival, rest))
     return _Found(values, _told_model(look, play, at, delay, values), rest, rival, told, much, certain)
 
 

@@ -26,7 +26,7 @@ from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise, discrepancy_of
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise, discrepancy_of, only_at_stops
 from dsd_cli.signals.log import Array
 
 DRAWS, SEED = 400, 20261121
@@ -102,13 +102,18 @@ class UnnamedLaws:
         if of_places(member.effect) and self.elsewhere > 0.0:  # what no function of the position takes over acts beside
             of_no_place, left = self._part_beside(member, (PLACE,)), self.elsewhere
             beside, instead = [(of_no_place, 1.0)], 1.0 - of_no_place
-        elif left > 0.0 and (member.effect.role is not Role.INPUT or above_floor(self.search, self.whole)):
-            beside, instead = self._shares(member)  # what acts on u has no columns: asked only where more is missing
+        elif left > 0.0 and (self._asked(member) or above_floor(self.search, self.whole)):
+            beside, instead = self._shares(member)
         background = min(self.left, POLICY.least_unknown * self.search.problem.errors.force)
         if member.effect.memory:  # no function of the channels does what another law with memory does
             background = POLICY.stands_in * self.left
         there = sum(likely * share(background, part) for likely, part in beside)
         return there + instead * share(POLICY.stands_in * left)
+
+    def _asked(self, member: Term) -> bool:
+        """Whether a law beside it, or in its place, is looked for in little that is left. What acts on u has no
+        columns; and of what is left at stops alone functions follow how each stop came about."""
+        return member.effect.role is not Role.INPUT and not only_at_stops(self.search, self.whole)
 
     def imitates(self, member: Term, there: float) -> bool:
         """Whether another law is rather there: the other half of the travel says so, or one of its channels alone."""
