@@ -81,6 +81,8 @@ def test_white_noise_beside_fine_counts_is_read_above_the_motion():
     log, _ = _log(0.6, step=1e-6, noise=2e-5)
     noise = prepare(log, ObserverSettings(nominal_inertia=1.0, time_constant=0.01)).sensor.noise
     assert noise.density(np.array([0.1])) == pytest.approx((2e-5 / T**2) ** 2 * bend(np.array([0.1])) ** 2, rel=0.2)
+    made = noise.made(4000, np.random.default_rng(1))  # of the second difference of white noise
+    assert np.std(made) == pytest.approx(math.sqrt(6.0) * 2e-5 / T**2, rel=0.1)
 
 
 def test_the_step_is_known_to_the_digits_that_the_whole_way_shows():

@@ -16,12 +16,14 @@ import numpy as np
 
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.sensor import Sensor
-from dsd_cli.identify.recordings.spectrum import Density, bend, density
+from dsd_cli.identify.recordings.spectrum import FEWEST_SEGMENTS, SEGMENT, Density, bend, density
 from dsd_cli.signals.encoder import exact_step
 from dsd_cli.signals.log import Array, Log
 
 #: Beginnings from which the motion is rounded; rounds in which the sensor's own noise is found; seed.
 _BEGINNINGS, _ROUNDS, _SEED = 4, 2, 20261128
+#: Samples of a block, enough for segments of full length, and samples that are rounded of a long log, about.
+_BLOCK, _SAMPLES = (FEWEST_SEGMENTS + 1) * SEGMENT // 2, 50_000
 
 
 def with_counts(sensor: Sensor, pieces: Sequence[Log]) -> Sensor:
@@ -35,7 +37,7 @@ def with_counts(sensor: Sensor, pieces: Sequence[Log]) -> Sensor:
     if not step > 0.0:
         return sensor
     interval, white = pieces[0].sample_time, 0.0
-    ways = [np.cumsum(p["velocity"]) * (interval / step) for p in pieces]
+    ways = _some_of([np.cumsum(p["velocity"]) * (interval / step) for p in pieces])
     found, unit = density([p["acceleration"] for p in pieces]), step**2 / 12.0 / interval**4
     seen = found.power / (unit * bend(found.angle) ** 2)
     above = found.angle >= POLICY.noise_from_share * math.pi
@@ -43,8 +45,9 @@ def with_counts(sensor: Sensor, pieces: Sequence[Log]) -> Sensor:
     for _ in range(_ROUNDS):
         white = float(np.median(np.maximum(seen - counted.at(found.angle), 0.0)[above]))
         counted = rounding(ways, math.sqrt(white / 12.0))
-    power = tuple((counted.power + white).tolist())
-    return replace(sensor, noise=sensor.noise._replace(scale=unit, counted=power))
+    power = counted.power + white
+    level = max(float(power.mean()), 1e-300)
+    return replace(sensor, noise=sensor.noise._replace(scale=unit * level, counted=tuple((power / level).tolist())))
 
 
 def rounding(ways: Sequence[Array], smear: float = 0.0) -> Density:
@@ -60,3 +63,9 @@ def rounding(ways: Sequence[Array], smear: float = 0.0) -> Density:
             errors.append(np.round(read) - way)
     found = density(errors)
     return found._replace(power=np.maximum(12.0 * (found.power - smear**2), 0.0))
+
+
+def _some_of(ways: Sequence[Array]) -> list[Array]:
+    """Blocks of the stretches, all of a log that is not long, else one of so many."""
+    blocks = [way[i : i + _BLOCK] for way in ways for i in range(0, len(way), _BLOCK)]
+    return blocks[:: max(sum(map(len, ways)) // _SAMPLES, 1)]
