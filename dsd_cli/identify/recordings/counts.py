@@ -43,18 +43,17 @@ def with_counts(sensor: Sensor, pieces: Sequence[Log]) -> Sensor:
     above = found.angle >= POLICY.noise_from_share * math.pi
     counted = rounding(ways)
     for _ in range(_ROUNDS):
-        white = float(np.median(np.maximum(seen - counted.at(found.angle), 0.0)[above]))
+        white = float(np.median(np.maximum(seen - counted.at(found.angle) + white, 0.0)[above]))
         counted = rounding(ways, math.sqrt(white / 12.0))
-    power = counted.power + white
-    level = max(float(power.mean()), 1e-300)
-    return replace(sensor, noise=sensor.noise._replace(scale=unit * level, counted=tuple((power / level).tolist())))
+    level = max(float(counted.power.mean()), 1e-300)
+    power = tuple((counted.power / level).tolist())
+    return replace(sensor, noise=sensor.noise._replace(scale=unit * level, counted=power))
 
 
 def rounding(ways: Sequence[Array], smear: float = 0.0) -> Density:
-    """Density of the error of rounding to whole numbers, in units of 1/12, mean over any beginning.
+    """Density of the error of what is read in whole numbers, in units of 1/12, mean over any beginning.
 
-    ways : stretches of a motion in counts, shape (n,) each. smear : standard deviation of the sensor's own noise,
-        counts, whose own density is not in it.
+    ways : stretches of a motion in counts, shape (n,) each. smear : standard deviation of the sensor's own noise.
     """
     random, errors = np.random.default_rng(_SEED), list[Array]()
     for begin in np.arange(_BEGINNINGS) / _BEGINNINGS:
@@ -62,10 +61,12 @@ def rounding(ways: Sequence[Array], smear: float = 0.0) -> Density:
             read = way + begin + smear * random.normal(size=len(way))
             errors.append(np.round(read) - way)
     found = density(errors)
-    return found._replace(power=np.maximum(12.0 * (found.power - smear**2), 0.0))
+    return found._replace(power=12.0 * found.power)
 
 
 def _some_of(ways: Sequence[Array]) -> list[Array]:
-    """Blocks of the stretches, all of a log that is not long, else one of so many."""
+    """Blocks of the stretches, all of a log that is not long, else some drawn, for a motion may repeat itself."""
     blocks = [way[i : i + _BLOCK] for way in ways for i in range(0, len(way), _BLOCK)]
-    return blocks[:: max(sum(map(len, ways)) // _SAMPLES, 1)]
+    every = max(sum(map(len, ways)) // _SAMPLES, 1)
+    drawn = np.random.default_rng(_SEED).choice(len(blocks), len(blocks) // every, replace=False)
+    return [blocks[i] for i in sorted(drawn)] if every > 1 else blocks

@@ -63,7 +63,7 @@ class Verdict:
         self.surest, self.alone = surest_of(search, whole, limits), {o.effect: o for o in options}
         for one in self._members_alone():
             self.alone[one.effect] = max(self.alone.get(one.effect, one), one, key=lambda o: o.evidence)
-        self.together = lowering_together(search, whole, own.refitted.heldout_rmse)
+        self.together = lowering_together(search, self.named_part, own.refitted.heldout_rmse)
         self.rising = self.doubted = ""  # it would be named, but the error rises with it; it stands in for another law
         self.named, self.sure = self.verdict()
         most = min(self.surest, POLICY.even if self.named == UNKNOWN else 1.0)
@@ -154,7 +154,7 @@ class Verdict:
         """Whether an effect, alone or beside others, lowers the held-out error of the values that would be written."""
         score, before = self.problem.score, self.own.refitted.heldout_rmse
         alone = self._explains(name) and score(self.alone[name].fit).heldout_rmse < before
-        return alone or name in self.together
+        return alone or (name in self.alone and name in self.together)
 
     def _explains(self, name: str) -> bool:
         """Whether the effect alone lowers the held-out error of the form that is evidence."""

@@ -23,7 +23,14 @@ from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.search.evidence import in_plain_laws
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.belief import UnnamedLaws, shared_belief
-from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise, force_beyond, noise_of_u
+from dsd_cli.identify.verdict.discrepancy import (
+    Discrepancy,
+    above_floor,
+    beyond_noise,
+    force_beyond,
+    noise_of_u,
+    weightless,
+)
 from dsd_cli.identify.verdict.limits import Limits
 from dsd_cli.identify.verdict.pushes import pushes_leave_more
 
@@ -270,6 +277,6 @@ def lowering_together(search: Search, whole: Fit, before: float) -> set[str]:
     """Effects without which a set that lowers the held-out error of the values that would be written, `before`, leaves
     more: a dead zone of the model takes up Coulomb friction, until viscous friction is there as well."""
     added, left = search.added(whole.terms), search.problem.score(whole).heldout_rmse
-    if len(added) < 2 or not left < before:
+    if len(added) < 2 or not left < before or weightless(search, whole):
         return set()
     return {t.id for t in added if left < search.problem.score(search.without(whole, t)).heldout_rmse}
