@@ -33,7 +33,9 @@ _ZIP = b"PK\x03\x04"
 #: The stamp that a serial monitor puts before each line.
 _STAMPED = re.compile(rb"(?m)^(\d\d:\d\d:\d\d[.,]\d+) -> ")
 #: A cell that is a list, as pandas and bags of ROS write arrays: [1, 2], [1 2], array('d', [1, 2]), (1, 2).
-_LIST = re.compile(rb'"(?:array\(\'\w\', ?)?\[([^"\[\]]*)\]\)?"|"\(([-+.\deEnaNif\s]+,[-+.\deEnaNif\s,]*)\)"')
+_LIST = re.compile(
+    rb'"(?:array\(\'\w\', ?)?\[([^"\[\]]*)\]\)?"|"\(((?:[-+.\deE\s]|nan|inf)+,(?:[-+.\deE\s,]|nan|inf)*)\)"'
+)
 #: What lies beside a log in a zip: what was written about it.
 _BESIDE = re.compile(r"(?i)(\.(json|ya?ml|toml|ini|md|pdf|png|jpe?g|svg|html?|xml|m|py)|(^|/)(readme|license)[^/]*)$")
 #: What archives hold that are documents: of OpenDocument, of Microsoft.
@@ -178,7 +180,11 @@ def _without_lists(content: bytes) -> bytes:
     end = content.find(b"\n") + 1
     if not end or not _LIST.search(content, end, HEAD):
         return content
-    names, first = islice(csv.reader(io.StringIO(content[:HEAD].decode("utf-8", "replace"))), 2)
+    try:
+        head = io.StringIO(content[:HEAD].decode("utf-8", "replace"), newline="")
+        names, first = islice(csv.reader(head), 2)
+    except (csv.Error, ValueError):  # no table, which its reader says better
+        return content
     if len(names) != len(first):
         return content
     found = [_LIST.fullmatch(f'"{cell}"'.encode()) for cell in first]

@@ -70,18 +70,17 @@ def _log(speed, seconds=8.0, step=STEP, noise=0.0, seed=0):
 @pytest.mark.parametrize("speed", [0.6, 0.3, 0.123])
 def test_the_noise_in_a_low_band_is_that_of_the_log(speed):
     log, way = _log(speed)
-    sensor = prepare(log, ObserverSettings(nominal_inertia=1.0, time_constant=0.01)).sensor
+    sensor = prepare(log, ObserverSettings(nominal_inertia=1.0, time_constant=0.01)).sensor.counts
     error = np.diff(log["position"] - way, 2) / T**2
     low, high = 0.004, 0.06
     angle = np.linspace(low, high, 300) * np.pi
-    expected = float(np.mean(sensor.noise.density(angle))) * (high - low)
+    expected = float(np.mean(sensor.density(angle))) * (high - low)
     assert math.sqrt(expected) == pytest.approx(math.sqrt(_power(error, low, high)), rel=0.25)
 
 
 def test_white_noise_beside_fine_counts_is_read_above_the_motion():
     log, _ = _log(0.02, step=1e-6, noise=2e-5)
-    noise = prepare(log, ObserverSettings(nominal_inertia=1.0, time_constant=0.01)).sensor.noise
-    assert noise.counted
+    noise = prepare(log, ObserverSettings(nominal_inertia=1.0, time_constant=0.01)).sensor.counts
     assert noise.density(np.array([0.1])) == pytest.approx((2e-5 / T**2) ** 2 * bend(np.array([0.1])) ** 2, rel=0.2)
     made = noise.made(4000, np.random.default_rng(1))  # of the second difference of white noise
     assert np.std(made) == pytest.approx(math.sqrt(6.0) * 2e-5 / T**2, rel=0.1)

@@ -86,6 +86,7 @@ def test_what_is_left_counts_in_full_beside_an_effect_with_memory(monkeypatch):
     """As much is left as the effect takes off, 10 % of u. Beside dry friction a tenth of that is background; beside a
     hysteresis another one is no function of the channels, and 1 / (1 + 3^2) is what is believed."""
     monkeypatch.setattr(discrepancy, "surely_left", lambda search, _fit: search.problem.errors.rmse("whole"))
+    monkeypatch.setattr("dsd_cli.identify.verdict.belief.only_at_stops", lambda *_: False)
     squares = {"whole": 0.1, "rest": math.sqrt(2.0) * 0.1}
     errors = SimpleNamespace(force=1.0, rmse=lambda fit: squares[fit])
     monkeypatch.setattr(UnnamedLaws, "_shares", lambda *_: ([(1.0, 1.0)], 0.0))
@@ -156,11 +157,11 @@ def test_a_name_stands_for_what_is_left_by_its_channels_or_by_how_little_it_is_b
         "__init__": lambda _self: None,
         "_first": lambda _self: "cogging",
         "_lowers": lambda _self, _name: True,
-        "_weightless": lambda _self, _whole: False,
         "_unknown": lambda _self: ("unknown", 0.9),
         "_share_of_possible": lambda _self, _before, _after: 0.5,
     }.items():
         monkeypatch.setattr(Verdict, name, stand_in)
+    monkeypatch.setattr(judgement, "weightless", lambda *_: False)
     monkeypatch.setattr(judgement, "probability_of", lambda _member, belief, _surest: belief)
     monkeypatch.setattr(judgement, "before_climb", lambda *_: None)
     monkeypatch.setattr(judgement, "unexplained_of", lambda *_: Unexplained(0.1, more))
@@ -186,9 +187,11 @@ def test_what_the_verdict_takes_the_place_of_is_no_surer_than_the_verdict(monkey
     monkeypatch.setattr(Verdict, "_members_alone", lambda _self: [])
     monkeypatch.setattr(judgement, "without_imitating", lambda *_: (None, None))
     monkeypatch.setattr(judgement, "surest_of", lambda *_: 0.99)
+    monkeypatch.setattr(judgement, "lowering_together", lambda *_: set())
     load = Membership("constant_load", {"constant_load": 0.94}, ("coulomb_friction", "presliding_friction"))
     search, shown = SimpleNamespace(problem=None), SimpleNamespace(seen=None)
-    verdict = Verdict(search, [], None, {"constant_load": load}, None, None, shown, None)
+    own = SimpleNamespace(refitted=SimpleNamespace(heldout_rmse=1.0))
+    verdict = Verdict(search, [], None, {"constant_load": load}, own, None, shown, None)
     assert verdict.missing == (Missing("constant_load", 0.33),)
 
 

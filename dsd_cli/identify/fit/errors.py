@@ -184,10 +184,13 @@ def levels_of(equations: Equations, residual: Array) -> ForceNoise:
 def sensor_variance(equations: Equations, sure: bool = True) -> float:
     """Variance that the sensors' noise leaves in a row of the acceleration: the mean over rows that count.
 
-    sure : as much of it as is taken out of the normal equations.
+    sure : as much of it as is taken out of the normal equations; else all, also what counts add by their beats.
     """
-    noises = [r.sensor.sure if sure else r.sensor.noise for r in equations.recordings]
-    passed = [passed_variance(*one) for one in zip(equations.whitening, equations.bands, noises, strict=True)]
+    passed = []
+    for taps, band, recording in zip(equations.whitening, equations.bands, equations.recordings, strict=True):
+        sensor = recording.sensor
+        noises = [sensor.sure] if sure else [noise for noise in (sensor.noise, sensor.counts) if noise is not None]
+        passed.append(max(passed_variance(taps, band, noise) for noise in noises))
     if len(passed) == 1:
         return passed[0]
     return float(np.mean(np.array(passed)[equations.logs_of_rows[equations.kept]]))

@@ -27,7 +27,7 @@ _BLOCK, _SAMPLES = (FEWEST_SEGMENTS + 1) * SEGMENT // 2, 50_000
 
 
 def with_counts(sensor: Sensor, pieces: Sequence[Log]) -> Sensor:
-    """The sensor with the spectrum that its counts have in this motion; pieces with "velocity".
+    """The sensor with the noise that its counts are in this motion; pieces with "velocity".
 
     What a log shows above the motion beyond that is white noise of the position, which smears the counts.
     """
@@ -47,7 +47,7 @@ def with_counts(sensor: Sensor, pieces: Sequence[Log]) -> Sensor:
         counted = rounding(ways, math.sqrt(white / 12.0))
     level = max(float(counted.power.mean()), 1e-300)
     power = tuple((counted.power / level).tolist())
-    return replace(sensor, noise=sensor.noise._replace(scale=unit * level, counted=power))
+    return replace(sensor, counts=sensor.noise._replace(scale=unit * level, counted=power))
 
 
 def rounding(ways: Sequence[Array], smear: float = 0.0) -> Density:

@@ -41,11 +41,14 @@ class Sensor:
     sure : the part of it that is no motion: what most samples show, too. Jolts reach as far up as noise does.
     two_intervals : each value is a mean over both intervals beside its sample, weighted by a hat (a second difference
         of the position); else over the interval that ends there.
+    counts : of a position in counts the noise that these are in this motion; None else. It says how little a log can
+        leave; for the band and the weights of rows noise is what stands above the motion.
     """
 
     noise: SensorNoise
     sure: SensorNoise
     two_intervals: bool
+    counts: SensorNoise | None = None
 
     @property
     def kind(self) -> SensorKind:
