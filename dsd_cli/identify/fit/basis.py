@@ -68,8 +68,6 @@ def _basis(inputs: Sequence[Regressors], channel: str, count: int, apart: float)
     sides = []
     for side in (1.0, -1.0):
         own = side * speeds[side * speeds > 0.0]
-        if own.size:  # an axis cruises nearly all the time, and friction bends where it is slow
-            own = np.concatenate([own, np.linspace(0.0, own.max(), own.size)])
         sides.append((side, _knots(own, half, apart) if channel == "velocity" and own.size else np.zeros(1)))
     sizes = [len(knots) for _, knots in sides]
     penalty = np.zeros((sum(sizes) + 1,) * 2)

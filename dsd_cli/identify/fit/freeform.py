@@ -21,7 +21,6 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.stretches import Stretch
 from dsd_cli.identify.results import DELAY
 from dsd_cli.signals.log import Array
-from dsd_cli.signals.once import once
 from dsd_cli.signals.passes import mixed
 
 #: Groups of channels whose functions are tried, the simple ones first. The acceleration is excluded: as measured, it
@@ -37,7 +36,7 @@ PAIRS = (
     (GAIN, "position"),
     (GAIN, "time"),
 )
-HATS, HATS_IN_PAIR, FINE_HATS, FINE = 12, 6, 40, ("position", "velocity")  # pitch of magnets, friction when slow
+HATS, HATS_IN_PAIR, FINE_HATS = 12, 6, 40
 #: Hats over time are wider than three held-out blocks, so that a held-out block can be interpolated.
 BLOCKS_PER_TIME_HAT = 3
 #: Penalty on bends, and on size, as a share of the mean information on a hat.
@@ -95,6 +94,7 @@ class FreeformFits:
     pieces: Sequence[Piece]
     apart: float = APART
     made: dict[Any, tuple[list[Array], Array]] = field(default_factory=dict)
+    _grams: dict[tuple[tuple[str, ...], bool], Grams] = field(init=False, default_factory=dict)
 
     def groups(self) -> list[tuple[str, ...]]:
         """Groups whose channels all stretches have, and that vary."""
@@ -118,7 +118,6 @@ class FreeformFits:
         before, left = (float(x.sum()) / max(int(self.equations.kept.sum()), 1) for x in squares)
         return math.sqrt(max(rmse**2 - before + left, left))
 
-    @once
     def without(self, effect_id: str, on: tuple[str, ...] = (), whitened: bool = True) -> Array:
         """Held-out squares per block, shape (B,), with a function of these channels (none: without any) in the place of
         an effect, or of the delay (`DELAY`); "" : beside all. Not `whitened`: of rows that count, in the unit of u."""
@@ -128,12 +127,13 @@ class FreeformFits:
         left = self._left(found, self.columns(on)[1]) if on else [losses(solve(found.fitted), found, self.blocks)]
         return min(left, key=lambda squares: float(squares.sum()))
 
-    @once
     def _found(self, on: tuple[str, ...], whitened: bool) -> Grams:
         """Of the base, and of the hats over these channels behind it."""
-        rows = [*self.base, *(self.columns(on)[0] if on else ())]
-        rows = [self.equations.whitened(x) if whitened else x * self.equations.kept for x in rows]
-        return grams(rows, self.blocks)
+        if (on, whitened) not in self._grams:
+            rows = [*self.base, *(self.columns(on)[0] if on else ())]
+            rows = [self.equations.whitened(x) if whitened else x * self.equations.kept for x in rows]
+            self._grams[on, whitened] = grams(rows, self.blocks)
+        return self._grams[on, whitened]
 
     def _left(self, found: Grams, penalty: Array) -> Iterator[Array]:
         """Held-out squares per block with the hats that come last, at each strength of the penalty."""
@@ -182,7 +182,7 @@ class FreeformFits:
         if on[0] == GAIN:
             return self._gain(on[1], min(HATS, most))
         if len(on) == 1:
-            return basis(self.pieces, on, [min(FINE_HATS if on[0] in FINE else HATS, most)], self.apart)
+            return basis(self.pieces, on, [min(FINE_HATS if on == ("position",) else HATS, most)], self.apart)
         return basis(self.pieces, on, [min(HATS_IN_PAIR, max(math.isqrt(most), 2))] * len(on), self.apart)
 
     def _gain(self, channel: str, count: int) -> tuple[list[Units], Array]:
