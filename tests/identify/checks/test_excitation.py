@@ -81,7 +81,7 @@ def test_u_at_its_limit_is_a_note():
 
 
 def test_the_band_is_where_the_acceleration_stands_above_the_noise():
-    """A finer encoder shows more, and the floor is the noise that a known encoder makes in the band."""
+    """A finer encoder shows more, and the floor is the force that its rounding makes in the band."""
     fine, coarse = servo("position"), {}
     q = fine.channels["position"]
     for counts in (2**12, 2**14, 2**16):
@@ -89,12 +89,12 @@ def test_the_band_is_where_the_acceleration_stands_above_the_noise():
         coarse[counts] = check_log(log_of(fine, position=np.rint(q / step) * step))
     bands = [coarse[counts].band_hz for counts in coarse]
     assert bands[0] < bands[1] < bands[2]
-    noise, band = 2.0 * np.pi / 2**12 / np.sqrt(12.0), bands[0]
-    density = 2.0 * T * noise**2
-    low, high = (
-        fine.truth.inertia * np.sqrt(density * (2.0 * np.pi) ** 4 * (width * band) ** 5 / 5.0) for width in (1.0, 1.5)
-    )
-    assert low < coarse[2**12].floor < high  # the low-pass has fallen to a half at 1.5 times the end of the band
+    band, error = bands[0], np.rint(q / (2.0 * np.pi / 2**12)) * (2.0 * np.pi / 2**12) - q
+    power = np.abs(np.fft.rfft(np.diff(error, 2) / T**2 * np.hanning(len(q) - 2))) ** 2
+    hz = np.fft.rfftfreq(len(q) - 2, T)
+    size = fine.truth.inertia * np.sqrt(2.0 * np.cumsum(power) / (len(q) - 2) / np.sum(np.hanning(len(q) - 2) ** 2))
+    low, high = (float(size[np.searchsorted(hz, width * band)]) for width in (1.0, 2.0))
+    assert low < coarse[2**12].floor < high  # the low-pass falls from the end of the band to twice that
     assert "4096 per turn" in said(coarse[2**12], "steps of")[0].what
 
 
