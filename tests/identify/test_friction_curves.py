@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.fit.bank import Term
-from dsd_cli.identify.fit.basis import basis
 from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
@@ -61,17 +60,6 @@ def test_friction_by_the_load_keeps_its_name_beside_a_curve(seed):
     assert names["load_friction"] > 0.8
 
 
-@pytest.mark.parametrize("law", [np.sqrt, lambda v: np.exp(-((v / 0.2) ** 2))], ids=["root", "Stribeck"])
-def test_a_free_function_of_the_speed_follows_friction_where_the_axis_is_slow(law):
-    """One row in fifty is a slow one: quantiles of the speed put no knot there."""
-    v = np.concatenate([np.full(9800, 4.0), np.linspace(0.0, 4.0, 201)[1:]])
-    piece = SimpleNamespace(values={"velocity": v}, sign=np.ones(v.size))
-    (units,), _ = basis([piece], ("velocity",), [40])
-    hats = np.stack([units.column(i) for i in range(units.size)], axis=1)
-    left = law(v) - hats @ np.linalg.lstsq(hats, law(v), rcond=None)[0]
-    assert np.abs(left[-200:]).max() < 0.15
-
-
 def test_what_a_function_of_the_speed_takes_over_is_no_friction_by_the_load(monkeypatch):
     """By hand: it takes 10 % of u off, beside that function a hundredth of the squares, 1 %; as much is background."""
     errors = SimpleNamespace(force=1.0, rmse=lambda fit: {"whole": 0.01, "rest": math.hypot(0.01, 0.1)}[fit])
@@ -81,8 +69,7 @@ def test_what_a_function_of_the_speed_takes_over_is_no_friction_by_the_load(monk
     monkeypatch.setattr(UnnamedLaws, "_shares", lambda *_: ([(1.0, 0.01)], 0.0))
     there = laws.belief(Term("load_friction"), "rest")
     assert there == pytest.approx(0.5)
-    assert not laws.imitates(Term("viscous_friction"), 0.4)
-    assert laws.imitates(Term("load_friction"), 0.4)
+    assert not laws.imitates(Term("load_friction"), 0.4)  # it is said with that
 
 
 @pytest.mark.parametrize(

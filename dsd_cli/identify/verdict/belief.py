@@ -116,9 +116,8 @@ class UnnamedLaws:
         return member.effect.role is not Role.INPUT and not only_at_stops(self.search, self.whole)
 
     def imitates(self, member: Term, there: float) -> bool:
-        """Whether another law is rather there: the other half of the travel says so, or one of its channels alone."""
-        other = self.elsewhere > 0.0 if of_places(member.effect) else len(member.effect.needs) > 1
-        return there < POLICY.even and other
+        """Whether another law is rather there, by the other half of the travel."""
+        return there < POLICY.even and of_places(member.effect) and self.elsewhere > 0.0
 
     def _part_beside(self, member: Term, on: Law) -> float:
         """Share of what an effect takes off that a free function of these channels does not take over: beside one of
