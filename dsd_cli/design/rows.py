@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from dsd_cli.design.inverse import Path, as_recording
-from dsd_cli.design.seen import as_seen, times_logged
+from dsd_cli.design.seen import as_seen, times_white
 from dsd_cli.effects import Channels, Role
 from dsd_cli.identify.fit.band import Band, band_of
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Term, Terms, columns_of, commands, has_friction, inputs_of
@@ -203,8 +203,8 @@ class LikeLogs:
         """Rows of a motion; the axis rests before and after it."""
         seen = as_seen(self.template, path, u, self.rest_speed)
         recording = as_recording(self.template, path, u, self.rest_speed, seen)
-        (band, taps), logged = self.form, self.template.sensor.noise
-        louder = 1.0 if seen is None else max(times_logged(seen, path, band, taps, logged), 1.0)
+        band, taps = self.form
+        louder = 1.0 if seen is None else max(times_white(seen, path, band, taps), 1.0)
         return equations_like((band, taps / np.sqrt(louder)), recording, self.delay, self.held)
 
 

@@ -12,7 +12,6 @@ from dsd_cli.errors import DataError
 from dsd_cli.identify.fit.band import Band
 from dsd_cli.identify.fit.noise import passed_variance
 from dsd_cli.identify.recordings.recording import Recording, prepare
-from dsd_cli.identify.recordings.spectrum import SensorNoise
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.signals.encoder import encoder_step
 from dsd_cli.signals.log import Array, Log, with_channels
@@ -57,8 +56,8 @@ def as_logged(template: Recording, path: Path, u: Array, rest_speed: float, draw
     return replace(log, pieces=(with_channels(piece, acceleration=piece["acceleration"] + noise),))
 
 
-def times_logged(seen: Recording, path: Path, band: Band, whitening: Array, logged: SensorNoise) -> float:
-    """By how much more noise of the acceleration there is in whitened rows than in those of a log with `logged`.
+def times_white(seen: Recording, path: Path, band: Band, whitening: Array) -> float:
+    """By how much more noise of the acceleration there is in whitened rows than white noise of the sensor would leave.
 
     Where a motion crosses the counts of an encoder more slowly than the band ends, these are no white noise but forces
     in the band.
@@ -74,7 +73,7 @@ def times_logged(seen: Recording, path: Path, band: Band, whitening: Array, logg
     if len(rows) < len(whitening):
         return 1.0
     white = np.convolve(rows, whitening, "same")
-    return float(np.mean(white**2)) / max(passed_variance(whitening, band, logged), 1e-300)
+    return float(np.mean(white**2)) / max(passed_variance(whitening, band, seen.sensor.noise), 1e-300)
 
 
 def _at(path: Path, x: Array, t: Array) -> Array:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.design.inverse import Path
-from dsd_cli.design.seen import as_logged, as_seen, times_logged
+from dsd_cli.design.seen import as_logged, as_seen, times_white
 from dsd_cli.identify.fit.band import band_of
 from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.recordings.spectrum import SensorNoise
@@ -46,16 +46,18 @@ def test_counts_that_pass_more_slowly_than_the_band_ends_are_no_white_noise(temp
     """At 0.02 rad/s 13 counts pass in a second, a line within 20 Hz, whose power is that of a saw-tooth's harmonics; at
     1 rad/s they are 650 lines away from it."""
     t = 0.004 * np.arange(2000)
-    band, noise = band_of(20.0, T), SensorNoise("position", 0.0, COUNT**2 / 12.0 / T**4)
+    band = band_of(20.0, T)
     crawl, fast = (seen(template, x) for x in (0.02 * t, 0.6 * np.sin(2.0 * t)))
     k = np.arange(1, 8)
     w = 2.0 * np.pi * k * (0.02 / COUNT)
     lines = float(np.sum(0.5 * (COUNT / (np.pi * k) * w**2 * band.gain(w * T * band.step)) ** 2))
     w = 2.0 * np.pi * np.arange(0.01, 80.0, 0.01)
-    white = 2.0 * T * COUNT**2 / 12.0 * 0.01 * float(np.sum((w**2 * band.gain(w * T * band.step)) ** 2))
-    assert times_logged(*crawl, band, WHITE, noise) == pytest.approx(lines / white, rel=0.2)
+    white = (
+        2.0 * T * crawl[0].sensor.noise.scale * T**4 * 0.01 * float(np.sum((w**2 * band.gain(w * T * band.step)) ** 2))
+    )
+    assert times_white(*crawl, band, WHITE) == pytest.approx(lines / white, rel=0.2)
     assert lines / white > 5.0
-    assert times_logged(*fast, band, WHITE, noise) < 2.0
+    assert times_white(*fast, band, WHITE) < 2.0
 
 
 def test_in_a_crawl_the_speed_is_known_less_well(template: Recording) -> None:

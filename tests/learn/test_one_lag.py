@@ -35,8 +35,7 @@ def test_a_push_at_every_turn_that_is_shorter_than_the_band_shows_is_no_friction
     log, found = learnt_of("stribeck", 9302, "enc40k", "sines")
     assert (log.motion[1] == 0.0).sum() > 500  # it does stick
     assert found.verdict != "learnt"
-    # of rows at stops and turns hardly any counts
-    assert "too little to matter" in found.why or "may be the sensor's noise" in found.why
+    assert "may be the sensor's noise" in found.why  # counts at turns: of those rows hardly any counts
 
 
 def test_a_force_over_the_position_is_learnt_beside_friction_that_builds_up():

@@ -93,7 +93,7 @@ class SensorNoise(NamedTuple):
         d = bend(angle)
         if self.counted:
             known = np.arange(1, len(self.counted) + 1) * (np.pi / len(self.counted))
-            return d * d * np.interp(np.abs((angle + np.pi) % (2.0 * np.pi) - np.pi), known, self.counted)
+            return d * d * np.interp(angle, known, self.counted)
         if self.kind == "position":
             return d * d
         if self.kind == "velocity":

@@ -151,8 +151,10 @@ class UnnamedLaws:
 
 def without_imitating(search: Search, whole: Fit, named: set[str], beyond: Discrepancy) -> tuple[Fit, Discrepancy]:
     """A set and what is beyond it; without the members that imitate another law, if any are named, which is unknown."""
-    rest = search.without(whole, *(t for t in whole.terms if t.id in named)) if named else whole
-    return rest, replace(discrepancy_of(search, rest), unknown=True) if named else beyond
+    if not named:
+        return whole, beyond
+    rest = search.without(whole, *(t for t in whole.terms if t.id in named))
+    return rest, replace(discrepancy_of(search, rest), unknown=True)
 
 
 def of_places(effect: Effect) -> bool:
