@@ -127,13 +127,8 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     found = dict.fromkeys((*one_by_one, *(t.id for t in together)))
     estimates = search.values(whole).estimates
     surest = POLICY.even if as_push or afloat or together or not is_told(effect_id, estimates) else 1.0
-    return Membership(
-        effect_id,
-        probabilities(search, rest, [own, *options]),
-        tuple(found),
-        tuple(o.effect for o in named),
-        surest=surest,
-    )
+    shares = probabilities(search, rest, [own, *options])
+    return Membership(effect_id, shares, tuple(found), tuple(o.effect for o in named), surest=surest)
 
 
 def is_told(effect_id: str, estimates: Estimates) -> bool:
