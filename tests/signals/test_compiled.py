@@ -17,7 +17,7 @@ def test_there_is_none_where_nothing_was_built():
 @pytest.mark.parametrize(
     ("beside", "taken"),
     [(SOURCE, True), (b"int newest(int more) { return more; }\n", False), (None, True)],
-    ids=["built from it", "the source moved on", "a wheel has no sources"],
+    ids=["built from it", "the source moved on", "no source lies beside it"],
 )
 def test_a_module_is_taken_if_it_is_of_the_source_beside_it(beside, taken, tmp_path, monkeypatch):
     """Called as a newer Python side does, a module that an older checkout built raises a TypeError, or worse."""

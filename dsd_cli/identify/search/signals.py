@@ -100,9 +100,8 @@ def signals_of(search: Search, fit: Fit, delay: float, fewest: int = _FEWEST) ->
         for x, by_stretch in zip(given, others, strict=True):
             x.append(by_stretch[i] * free)
         shift.append(np.nan_to_num(0.5 * (before[i] - after[i])) * free)
-        settled = np.arange(len(net)) >= equations.startup + min(_FORGOTTEN / step, _MOST_FORGOTTEN * len(net))
-        counts = equations.recordings[equations.owners[i]].sensor.counts  # at rest these show nothing
-        kept.append(settled & (s.free > 0.0) if held or counts is not None else settled)
+        rows = np.arange(len(net))
+        kept.append((rows >= equations.startup + min(_FORGOTTEN / step, _MOST_FORGOTTEN * len(rows))) & (free > 0.0))
     inertia = float(fit.total[INERTIA])
     white = _whitener(noise.kind, noise.pole, math.exp(-2.0 * math.pi * equations.band.hz * step))
     if sum(int(k.sum()) for k in kept) < fewest or not inertia > 0.0:  # u turned round leaves no inertia
