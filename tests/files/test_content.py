@@ -195,3 +195,9 @@ def test_lists_as_python_and_numpy_write_them_are_columns(form: str, tmp_path: P
     found = {name: np.concatenate([one.columns[name] for one in table.batches()]) for name in ("u", "position")}
     np.testing.assert_array_equal(found["u"], -np.arange(9.0))
     np.testing.assert_array_equal(found["position"], np.arange(9.0) + 0.5)
+
+
+@pytest.mark.parametrize("head", [b'a\rb,"x"\n', b"a\r\r\n"], ids=["return", "returns"])
+def test_a_lone_return_in_the_header_is_left_to_the_reader(head: bytes, tmp_path: Path) -> None:
+    """It is no traceback of what reads lists in cells."""
+    assert content_of(written(tmp_path, head + b'1,"[1,2]"\n2,"[3,4]"\n')) is None

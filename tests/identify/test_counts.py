@@ -5,11 +5,13 @@ import math
 import numpy as np
 import pytest
 
+from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.recordings.counts import rounding, with_counts
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.recordings.smoothing import regularised
 from dsd_cli.identify.recordings.spectrum import bend
-from dsd_cli.plant.model import ObserverSettings
+from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.encoder import exact_step
 from dsd_cli.signals.log import Log
 
@@ -99,3 +101,16 @@ def test_a_position_between_its_stamps_has_no_counts_any_more():
     piece = regularised(Log({**log.channels, "t": t}, T, "log"))
     plain = prepare(log, ObserverSettings(nominal_inertia=1.0, time_constant=0.01)).sensor
     assert with_counts(plain, [piece]) is plain
+
+
+@pytest.mark.parametrize("speed", [0.6005, 0.3004, 0.601])
+def test_the_floor_knows_the_beats_of_nearly_round_speeds(speed):
+    """It is more than white noise of that step leaves, and no more than the rounding does. It is less, for a
+    motion that is read off counts follows slow beats in part."""
+    log, way = _log(speed)
+    observer = ObserverSettings(nominal_inertia=1.0, time_constant=0.01)
+    problem = pose([prepare(log, observer)], PlantModel(1.0, 0.0, {}), Settings())
+    white = STEP * np.random.default_rng(5).uniform(-0.5, 0.5, len(way))
+    left = [problem.errors.equations.band.rows(np.diff(x, 2) / T**2, 0) for x in (white, log["position"] - way)]
+    by_white, by_counts = (math.sqrt(float(np.mean(rows**2))) for rows in left)
+    assert by_white < problem.floor < by_counts

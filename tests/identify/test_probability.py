@@ -408,3 +408,31 @@ def test_what_is_rather_there_beside_a_set_has_even_odds(monkeypatch, lead, shar
     monkeypatch.setattr(probability, "surest_of", lambda *_: 0.9)
     found = probability.perhaps_missing(search, "without", None)
     assert [(one.effect, one.probability) for one in found] == [(name, POLICY.even) for name in said]
+
+
+@pytest.mark.parametrize(
+    ("before", "weightless", "named"),
+    [(1.0, False, {"coulomb_friction", "viscous_friction"}), (0.1, False, set()), (1.0, True, set())],
+    ids=["both lower it", "the set raises it", "hardly any inertia is left"],
+)
+def test_effects_lower_the_error_together_if_more_is_left_without_each(before, weightless, named, monkeypatch):
+    """Without one of them more is left; the third takes nothing off."""
+    monkeypatch.setattr(probability, "weightless", lambda *_: weightless)
+    left = {"": 0.2, "coulomb_friction": 1.5, "viscous_friction": 1.3, "cogging": 0.2}
+    terms = tuple(Term(name) for name in left if name)
+    search = SimpleNamespace(
+        added=lambda terms: terms,
+        without=lambda _fit, term: SimpleNamespace(lacks=term.id),
+        problem=SimpleNamespace(score=lambda fit: SimpleNamespace(heldout_rmse=left[fit.lacks])),
+    )
+    assert probability.lowering_together(search, SimpleNamespace(terms=terms, lacks=""), before) == named
+
+
+def test_only_a_candidate_is_named_for_what_it_does_with_others(monkeypatch):
+    """A second line is none alone: "cogging_4 is missing" had no value and no error."""
+    monkeypatch.setattr(Verdict, "__init__", lambda _self: None)
+    verdict = Verdict()
+    verdict.alone, verdict.together = {}, {"cogging_2"}
+    verdict.own = SimpleNamespace(refitted=SimpleNamespace(heldout_rmse=1.0))
+    verdict.problem = SimpleNamespace(score=None, errors=SimpleNamespace(rmse=None))
+    assert not verdict._lowers("cogging_2")
