@@ -33,7 +33,7 @@ from dsd_cli.signals.log import Array
 
 #: Plants of each explanation in the search, and for what is said.
 _DRAWS_IN_SEARCH, _DRAWS_SAID = 2, 4
-#: s of a motion of which nobody said how long, and of one where that is not enough.
+#: s of a motion of which nobody said how long, and where that is not enough, or nobody knows what is missing.
 USUAL = 10.0, 20.0
 
 Report = Callable[[str, float], None]
@@ -124,7 +124,8 @@ class _Asked:
         measure = Measure(search, targets, _DRAWS_IN_SEARCH, limits=self.limits)
         if targets.nothing:
             return self._answer(None, measure, measure.expected(measure.nothing), impossible)
-        library = library_of(measure, room, (wanted.seconds or USUAL)[0], lambda x: report(_LOOKING, 0.1 + 0.4 * x))
+        lengths = wanted.seconds or USUAL[targets.unknown :]
+        library = library_of(measure, room, lengths[0], lambda x: report(_LOOKING, 0.1 + 0.4 * x))
         if not library:
             said = "no motion keeps the limits", "widen them; holding the axis may need more u than allowed"
             raise (TooNarrowError if room.reached and room.reached.u > self.limits.u else DataError)(*said)
@@ -133,13 +134,10 @@ class _Asked:
         if not (measure.open or targets.unknown):
             return self._answer(None, measure, measure.expected(measure.nothing), impossible)
         measure = measure.sized_by([(1.0 / one.part.seconds) * one.products for one in library])
-        found, cost, lost = self._long_enough(measure, library, impossible, report)
+        found, cost, lost = self._long_enough(measure, lengths, library, impossible, report)
         counted = {e.name for e in targets.explanations} - set(lost)
-        return replace(
-            found,
-            cost=tuple(sorted(cost.items())),
-            not_counted=tuple(name for name in names if name not in counted),
-        )
+        lost = tuple(name for name in names if name not in counted)
+        return replace(found, cost=tuple(sorted(cost.items())), not_counted=lost)
 
     def _loops(self, measure: Measure) -> tuple[Loop, ...]:
         """The loop that is described, or usual ones."""
@@ -151,20 +149,22 @@ class _Asked:
         return (Loop(self.wanted.controller, replace(self.observer, sign=1), self.room.step, described=True),)
 
     def _long_enough(
-        self, measure: Measure, library: Sequence[Sized], impossible: Sequence[Impossible], report: Report
+        self,
+        measure: Measure,
+        lengths: tuple[float, ...],
+        library: Sequence[Sized],
+        impossible: Sequence[Impossible],
+        report: Report,
     ) -> tuple[Plan, dict[float, float], Sequence[str]]:
-        """(the plan of a length that is enough, or the longest; length -> smallest nats; explanations that are none).
-
-        A usual length that is not enough even before any plant had to keep the limits is not looked at further.
-        """
+        """(plan of a length that is enough, or of the longest; length -> smallest nats; explanations that are none)."""
         found, cost, room = None, dict[float, float](), self.room
-        tries = [self.wanted.seconds] if self.wanted.seconds else [(s,) for s in USUAL]
-        for lengths in tries:
-            library = library if lengths is tries[0] else library_of(measure, room, lengths[0])
-            seconds, parts, curve = _enough(measure, room, lengths, library, report)
+        tries = [lengths] if self.wanted.seconds else [(s,) for s in lengths]
+        for some in tries:
+            library = library if some is tries[0] else library_of(measure, room, some[0])
+            seconds, parts, curve = _enough(measure, room, some, library, report)
             path = {0: Path.of(joined(TIMES * parts, room), room.step)}
-            if lengths is not tries[-1] and measure.smallest(measure.of_paths(path, room.limits.u)) < ENOUGH:
-                continue
+            if some is not tries[-1] and measure.smallest(measure.of_paths(path, room.limits.u)) < ENOUGH:
+                continue  # nor is it where no plant has to keep the limits
             report("under the loop", 0.8)
             try:
                 found = self._verified(measure, parts, impossible)
