@@ -26,7 +26,7 @@ from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise, discrepancy_of, only_at_stops
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, discrepancy_of, force_beyond, only_at_stops
 from dsd_cli.signals.log import Array
 
 DRAWS, SEED = 400, 20261121
@@ -69,9 +69,9 @@ class UnnamedLaws:
     the position, unless a function of that does as well without it. What laws of it leave in the other half counts too.
     """
 
-    def __init__(self, search: Search, whole: Fit) -> None:
+    def __init__(self, search: Search, whole: Fit, beyond: Discrepancy) -> None:
         self.search, self.whole = search, whole
-        self.left = beyond_noise(search, whole)
+        self.left = force_beyond(search, whole, beyond)
 
     @cached_property
     def elsewhere(self) -> float:
