@@ -71,7 +71,7 @@ class UnnamedLaws:
 
     def __init__(self, search: Search, whole: Fit, beyond: Discrepancy) -> None:
         self.search, self.whole = search, whole
-        self.left = force_beyond(search, whole, beyond)
+        self.left, self.certain = force_beyond(search, whole, beyond), beyond.unknown or beyond.certain
 
     @cached_property
     def elsewhere(self) -> float:
@@ -113,7 +113,7 @@ class UnnamedLaws:
     def _asked(self, member: Term) -> bool:
         """Whether a law beside it, or in its place, is looked for in little that is left. What acts on u has no
         columns; and of what is left at stops alone functions follow how each stop came about."""
-        return member.effect.role is not Role.INPUT and not only_at_stops(self.search, self.whole)
+        return member.effect.role is not Role.INPUT and (self.certain or not only_at_stops(self.search, self.whole))
 
     def imitates(self, member: Term, there: float) -> bool:
         """Whether another law is rather there, by the other half of the travel."""

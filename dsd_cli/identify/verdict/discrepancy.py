@@ -140,7 +140,7 @@ def explained_beyond(search: Search, fit: Fit, beyond: Discrepancy) -> float:
 
 
 def force_beyond(search: Search, fit: Fit, beyond: Discrepancy) -> float:
-    """rms of the force that a fit leaves, unit of u: what is beyond the sensor's noise, and no less than is explained."""
+    """rms of the force that a fit leaves, unit of u: what is beyond the sensor's noise, no less than is explained."""
     return max(beyond_noise(search, fit), explained_beyond(search, fit, beyond))
 
 
