@@ -126,3 +126,23 @@ def test_what_is_little_is_asked_for_a_place_of_laws_with_columns_beyond_stops(m
         monkeypatch.setattr("dsd_cli.identify.verdict.belief.only_at_stops", lambda *_, stops=stops: stops)
         assert laws.belief(Term("dead_zone"), "rest") == pytest.approx(of_u * alone)
         assert laws.belief(Term("viscous_friction"), "rest") == pytest.approx(of_motion * alone)
+    monkeypatch.setattr("dsd_cli.identify.verdict.belief.above_floor", lambda *_: False)
+    laws.certain = True  # and yet a function takes off what no noise has
+    assert laws.belief(Term("dead_zone"), "rest") == pytest.approx(alone)
+    assert laws.belief(Term("viscous_friction"), "rest") == pytest.approx(0.05 * alone)
+
+
+def test_what_a_function_takes_off_for_certain_is_left_however_much_noise_was_expected(monkeypatch):
+    """By hand, of u: an effect takes 3.5 % off, a function of its own channels 0.9 % of 2 for certain, and as much
+    noise was expected: 1 / (1 + (3 0.9 / 3.5)^2) is what is believed, and all of it where none is certain."""
+    errors = SimpleNamespace(force=1.0, rmse=lambda fit: {"whole": 0.02, "rest": math.hypot(0.02, 0.035)}[fit])
+    for module in ("belief", "discrepancy"):
+        monkeypatch.setattr(f"dsd_cli.identify.verdict.{module}.only_at_stops", lambda *_: False)
+    monkeypatch.setattr("dsd_cli.identify.verdict.discrepancy.surely_left", lambda *_: 0.02)
+    monkeypatch.setattr("dsd_cli.identify.verdict.belief.above_floor", lambda *_: False)
+    monkeypatch.setattr(UnnamedLaws, "_shares", lambda *_: ([(0.0, 1.0)], 1.0))
+    search = SimpleNamespace(problem=SimpleNamespace(errors=errors, floor=0.02))
+    for certain, wanted in ((True, 1.0 / (1.0 + (2.7 / 3.5) ** 2)), (False, 1.0)):
+        beyond = Discrepancy(("velocity",), math.sqrt(0.02**2 - 0.009**2), False, 0.02, 0.02, certain)
+        there = UnnamedLaws(search, "whole", beyond).belief(Term("viscous_asymmetry"), "rest")
+        assert there == pytest.approx(wanted, rel=1e-3)
