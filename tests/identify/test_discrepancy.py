@@ -65,7 +65,7 @@ def test_a_law_without_a_name_is_seen_with_what_it_depends_on(name):
 
 
 def test_a_law_that_is_less_than_the_background_is_certain_and_not_unknown():
-    """A fiftieth of it, less than 1 % of u, behind a sensor that leaves less. Beside the truth no function is certain."""
+    """A fiftieth of one, less than 1 % of u; the sensor leaves less. Beside the truth no function is certain."""
     search = disturbed(lambda t, v, q: 0.02 * LAWS["a power of the speed"][0](t, v, q), noise=2e-4)
     found = discrepancy_of(search, search.refit)
     assert "velocity" in found.on
