@@ -24,10 +24,7 @@ from dsd_cli.signals.log import Array
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """What a fit leaves: the best free-form function of it, if something unknown is there; plain : its own rmse.
-
-    certain : that function takes something off that no noise has, be it less than is known of any axis.
-    """
+    """What a fit leaves: the best free-form function of it, `certain` if no noise is so; plain : its own rmse."""
 
     on: tuple[str, ...]
     heldout_rmse: float
@@ -43,8 +40,7 @@ class Discrepancy:
 
     @property
     def least(self) -> float:
-        """rms that is left by whatever explains what is unknown: no free function, and no white noise, leaves less. Of
-        what is no more than the background only a function that is certain takes anything off."""
+        """rms that is left by whatever explains what is unknown, or little but certain: no function leaves less."""
         return min(self.heldout_rmse, self.noise) if self.unknown else self.heldout_rmse if self.certain else self.plain
 
     def of_channels(self, name: str) -> bool:
@@ -101,8 +97,7 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
     large = min(math.sqrt(max(plain**2 - reached**2, 0.0)), left) > least
     structured = share > POLICY.structured_share and math.sqrt(share) * left > least
     on = best.on if reached < plain else ()
-    unknown = (certain and large) or structured
-    return Discrepancy(on, min(reached, plain), unknown, noise, plain, certain)
+    return Discrepancy(on, min(reached, plain), (certain and large) or structured, noise, plain, certain)
 
 
 def above_floor(search: Search, fit: Fit) -> bool:
@@ -132,16 +127,12 @@ def beyond_noise(search: Search, fit: Fit, times: float = 1.0) -> float:
     return math.sqrt(max(surely_left(search, fit) ** 2 - (times * search.problem.floor) ** 2, 0.0))
 
 
-def explained_beyond(search: Search, fit: Fit, beyond: Discrepancy) -> float:
-    """rms of the force, unit of u, that is explained of what a fit leaves, and is no noise: of a coarse sensor more
-    noise may have been expected than there is."""
+def force_beyond(search: Search, fit: Fit, beyond: Discrepancy, times: float = 1.0) -> float:
+    """rms of the force that a fit leaves, unit of u: what is beyond so many times the sensor's noise, and no less than
+    is explained, for of a coarse sensor more noise may have been expected than there is."""
     share = 1.0 - (beyond.least / max(beyond.plain, 1e-300)) ** 2
-    return min(search.problem.errors.rmse(fit) * math.sqrt(max(share, 0.0)), surely_left(search, fit))
-
-
-def force_beyond(search: Search, fit: Fit, beyond: Discrepancy) -> float:
-    """rms of the force that a fit leaves, unit of u: what is beyond the sensor's noise, no less than is explained."""
-    return max(beyond_noise(search, fit), explained_beyond(search, fit, beyond))
+    explained = search.problem.errors.rmse(fit) * math.sqrt(max(share, 0.0))
+    return max(beyond_noise(search, fit, times), min(explained, surely_left(search, fit)))
 
 
 def only_at_stops(search: Search, fit: Fit) -> bool:
