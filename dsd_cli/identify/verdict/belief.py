@@ -112,7 +112,7 @@ class UnnamedLaws:
 
     def _asked(self, member: Term) -> bool:
         """Whether a law beside it, or in its place, is looked for in little that is left. What acts on u has no
-        columns; and of what is left at stops alone functions follow how each stop came about."""
+        columns; and of what is left at stops alone functions follow how each stop came about, if none is certain."""
         return member.effect.role is not Role.INPUT and (self.certain or not only_at_stops(self.search, self.whole))
 
     def imitates(self, member: Term, there: float) -> bool:
