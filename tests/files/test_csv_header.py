@@ -45,11 +45,12 @@ COUNTED = [f"{k} {row}" for k, row in enumerate(LOOSE, start=1)]
         ("    t       u      q     v", COUNTED),  # pandas' to_string
         ('"t" "u" "q" "v"', [f'"{row.replace(" ", chr(34) + " ", 1)}' for row in COUNTED]),  # R's write.table
         ('"t","u","q","v"', [row.replace(" ", ",") for row in COUNTED]),
+        ('"t" "u" "q" "v" "run"', [f'{row} "A"' for row in COUNTED]),  # a word at the end is no delimiter there
     ],
 )
 def test_the_number_of_the_row_has_no_name_where_the_header_is_one_short(header: str, rows: list[str]) -> None:
     """The first name is not that of the numbers of the rows: time would be a count, and torque the time."""
-    assert seen(header, *rows).header.names == ["row", *TIME]
+    assert seen(header, *rows).header.names[:5] == ["row", *TIME]
 
 
 @pytest.mark.parametrize(

@@ -234,6 +234,19 @@ def test_a_wide_matrix_has_its_signals_in_its_rows(tmp_path: Path) -> None:
         assert np.array_equal(channels[f"X/{k + 1}"], wide[k])
 
 
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_of_arrays_of_more_dimensions_the_longest_is_time(place: int, tmp_path: Path) -> None:
+    """Samples, robots and joints, in whatever order; Simulink has samples of one signal as 1 x 1 x N."""
+    told = np.arange(2000.0)[:, None, None] + np.array([[10.0, 20.0, 30.0], [40.0, 50.0, 60.0]])
+    np.savez(
+        tmp_path / "a.npz", q=np.moveaxis(told, 0, place), u=told[None, None, :, 0, 0], picture=np.ones((70, 64, 64))
+    )
+    channels = {one.name: one.values for table in sample(str(tmp_path / "a.npz")).tables for one in table.channels}
+    assert [*channels] == [*(f"q/{i}/{j}" for i in (1, 2) for j in (1, 2, 3)), "u"]
+    assert np.array_equal(channels["q/2/3"], told[:, 1, 2])
+    assert np.array_equal(channels["u"], told[:, 0, 0])
+
+
 def test_a_mat_file_of_version_4_from_a_machine_of_the_other_byte_order(tmp_path: Path) -> None:
     """By the format's description: five whole numbers, the name, the columns one after the other."""
     told = {"t": np.arange(50.0) / 8, "tau": -np.arange(50.0)}
