@@ -302,3 +302,11 @@ def test_a_byte_far_below_that_windows_has_not_is_one_of_latin(tmp_path: Path) -
     (tmp_path / "log.csv").write_bytes("t,u [‰],note\n".encode("cp1252") + rows + b"20000,1,\x81\n" + rows[-20:])
     peeked = open_table(tmp_path / "log.csv", {}).peek()
     assert len(peeked["u [‰]"]) > 20000
+
+
+def test_a_cell_of_a_header_may_go_over_lines() -> None:
+    """A spreadsheet writes a unit below a name so; a mark of inches within a text opens nothing."""
+    found = seen(
+        'Shaft 5" long;;', '"Time', '[s]";"Torque', '[Nm]";"Angle"', *(";".join(r.split(",")[:3]) for r in ROWS)
+    )
+    assert found.header.names == ["Time [s]", "Torque [Nm]", "Angle"]

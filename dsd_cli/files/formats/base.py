@@ -122,11 +122,19 @@ def check_size(path: str, size: float) -> None:
 FEWEST = 20
 #: What a single number is called that is the s between samples: as in an iddata, in what a simulator was set to.
 _SAMPLE_TIMES = {"ts", "dt", "sampletime", "sample_time", "tsample", "timestep", "time_step"}
+#: And their number in a second.
+_RATES = {f"{word}{_}{of}" for word in ("sample", "sampling") for _ in ("", "_") for of in ("rate", "frequency")} | {
+    "fs"
+}
 
 
-def says_sample_time(name: str, value: Any) -> bool:
-    """Whether a single number beside channels is the s between their samples."""
-    return name.lower() in _SAMPLE_TIMES and isinstance(value, int | float) and FASTEST <= value <= SLOWEST
+def sample_times_said(name: str, value: Any) -> set[float]:
+    """The s between samples that a single number beside channels says, or what they are in a second: one, or none."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0.0:
+        return set()
+    called = name.lower()
+    step = float(value) if called in _SAMPLE_TIMES else round(1.0 / value, 12) if called in _RATES else math.nan
+    return {step} if FASTEST <= step <= SLOWEST else set()
 
 
 def lies_in_rows(shape: tuple[int, ...]) -> bool:
