@@ -44,7 +44,7 @@ SecondsOption = Annotated[
     typer.Option(
         "--seconds",
         metavar="S|A:B",
-        help="Length, s; of A:B the shortest that is enough, with a curve. Default 10, or 20 where 10 are not enough.",
+        help="Length, s; of A:B the shortest that is enough, with a curve. Default 10, for unknown 20.",
     ),
 ]
 LimitOption = Annotated[

@@ -33,11 +33,10 @@ from dsd_cli.signals.log import Array
 
 #: Plants of each explanation in the search, and for what is said.
 _DRAWS_IN_SEARCH, _DRAWS_SAID = 2, 4
-#: s of a motion of which nobody said how long, and where that is not enough, or nobody knows what is missing.
-USUAL = 10.0, 20.0
+#: s of a motion of which nobody said how long, and of one where nobody knows what is missing either.
+_USUAL = 10.0, 20.0
 
 Report = Callable[[str, float], None]
-_LOOKING = "looking at motions"
 
 
 @dataclass(frozen=True)
@@ -45,7 +44,7 @@ class Wanted:
     """What the user asks for.
 
     names : effects and values; () for what the logs leave open. seconds : lengths that are tried, the first that is
-    enough is taken; () for `USUAL`. limits : name -> (low, high); start : position of rest, NaN for the middle.
+    enough is taken; () for the usual one. limits : name -> (low, high); start : position of rest, NaN for the middle.
     controller : None for a usual one. rate : s between samples of the motion, NaN for that of the logs.
     """
 
@@ -76,7 +75,7 @@ def plan_next(
     UsageError : limits or names that make no sense. DataError : the axis cannot be held within the limit of u.
     """
     limits = limits_of(search.problem.recordings, wanted.limits, wanted.start, search.equations.band.hz)
-    room = Room.within(limits, search.equations, search.problem.recordings, max(wanted.seconds or USUAL))
+    room = Room.within(limits, search.equations, search.problem.recordings, max(wanted.seconds or _USUAL))
     asked = _Asked(search, observer, wanted, room, limits, diagnosis)
     targets = targets_of(search, whole, diagnosis, wanted.names, start=limits.start)
     further = unvisited(limits, search.problem.recordings) if targets.nothing and not wanted.names else ()
@@ -119,13 +118,13 @@ class _Asked:
         far = not targets.unknown and not wanted.names and "position" in unvisited(self.limits, problem.recordings)
         asked = targets
         targets = able_to_move(asked, room, problem.model, problem.recordings[0].sample_time, far=far)
-        report(_LOOKING, 0.1)
+        report("looking at motions", 0.1)
         impossible = [*not_by_motion(search, targets, self.diagnosis), *beyond_u(asked, targets)]
         measure = Measure(search, targets, _DRAWS_IN_SEARCH, limits=self.limits)
         if targets.nothing:
             return self._answer(None, measure, measure.expected(measure.nothing), impossible)
-        lengths = wanted.seconds or USUAL[targets.unknown :]
-        library = library_of(measure, room, lengths[0], lambda x: report(_LOOKING, 0.1 + 0.4 * x))
+        lengths = wanted.seconds or (_USUAL[targets.unknown],)
+        library = library_of(measure, room, lengths[0], lambda x: report("looking at motions", 0.1 + 0.4 * x))
         if not library:
             said = "no motion keeps the limits", "widen them; holding the axis may need more u than allowed"
             raise (TooNarrowError if room.reached and room.reached.u > self.limits.u else DataError)(*said)
@@ -134,10 +133,15 @@ class _Asked:
         if not (measure.open or targets.unknown):
             return self._answer(None, measure, measure.expected(measure.nothing), impossible)
         measure = measure.sized_by([(1.0 / one.part.seconds) * one.products for one in library])
-        found, cost, lost = self._long_enough(measure, lengths, library, impossible, report)
+        seconds, parts, cost = _enough(measure, room, lengths, library, report)
+        report("under the loop", 0.8)
+        found, smallest, lost = self._verified(measure, parts, impossible)
         counted = {e.name for e in targets.explanations} - set(lost)
-        lost = tuple(name for name in names if name not in counted)
-        return replace(found, cost=tuple(sorted(cost.items())), not_counted=lost)
+        return replace(
+            found,
+            cost=tuple(sorted({**cost, seconds: smallest}.items())),
+            not_counted=tuple(name for name in names if name not in counted),
+        )
 
     def _loops(self, measure: Measure) -> tuple[Loop, ...]:
         """The loop that is described, or usual ones."""
@@ -147,36 +151,6 @@ class _Asked:
             step = self.room.step * max(int(LONGEST_STEP / self.room.step), 1)  # slow: no motion needs finer ones
             return usual_loops(replace(first, delay=slowest), self.observer, step)
         return (Loop(self.wanted.controller, replace(self.observer, sign=1), self.room.step, described=True),)
-
-    def _long_enough(
-        self,
-        measure: Measure,
-        lengths: tuple[float, ...],
-        library: Sequence[Sized],
-        impossible: Sequence[Impossible],
-        report: Report,
-    ) -> tuple[Plan, dict[float, float], Sequence[str]]:
-        """(plan of a length that is enough, or of the longest; length -> smallest nats; explanations that are none)."""
-        found, cost, room = None, dict[float, float](), self.room
-        tries = [lengths] if self.wanted.seconds else [(s,) for s in lengths]
-        for some in tries:
-            library = library if some is tries[0] else library_of(measure, room, some[0])
-            seconds, parts, curve = _enough(measure, room, some, library, report)
-            path = {0: Path.of(joined(TIMES * parts, room), room.step)}
-            if some is not tries[-1] and measure.smallest(measure.of_paths(path, room.limits.u)) < ENOUGH:
-                continue  # nor is it where no plant has to keep the limits
-            report("under the loop", 0.8)
-            try:
-                found = self._verified(measure, parts, impossible)
-            except DataError:
-                if found is None:
-                    raise
-                break
-            cost |= {**curve, seconds: found[1]}
-            if found[1] >= ENOUGH:
-                break
-        assert found is not None
-        return found[0], cost, found[2]
 
     def _verified(
         self, measure: Measure, parts: tuple[MotionSegment, ...], impossible: Sequence[Impossible]

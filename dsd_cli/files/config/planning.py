@@ -19,5 +19,5 @@ class Plan(Section):
         number(), "position of rest at begin and end; none is the middle of the range", "rad or m", default=None
     )
     seconds: float | None = key(
-        _ABOVE, "length of the motion; none is 10, and 20 where 10 are not enough", "s", default=None
+        _ABOVE, "length of the motion; none is 10, and 20 where nobody knows what is missing", "s", default=None
     )
