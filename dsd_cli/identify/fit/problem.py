@@ -18,6 +18,7 @@ from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION, best_delay, inver
 from dsd_cli.identify.fit.driven_load import both_driven, by_contacts, with_driven_load
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.errors import Errors, Noise, measured, sensor_variance
+from dsd_cli.identify.fit.one_way import as_rests_allow
 from dsd_cli.identify.fit.row_weights import Weighed, at_least_squares, inflation, weighed
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.testability import Settings, candidates_of, check_recordings, check_used, ranges, told_by
@@ -116,9 +117,10 @@ class Problem:
         return self.errors.of_fit(fit, self.scale)
 
     @once
-    def values(self, fit: Fit, returned: bool = True, as_found: bool = False) -> Fitted:
+    def values(self, fit: Fit, returned: bool = True, as_found: bool = False, open_: bool = True) -> Fitted:
         """Values of a fit with standard errors, from rows where friction's direction is sure; `returned` : these count
-        noise that came back through a controller, `as_found` : shapes stay. What is left beyond noise is correlated."""
+        noise that came back through a controller, `open_` : what moves one way leave open, `as_found` : shapes stay.
+        What is left beyond noise is correlated."""
         found, known = at_least_squares(weighed(fit, self.solver, self.errors.bank), as_found)
         known = known if returned else replace(known, returned=0.0)
         left, noise = found.variance, self._noise_in(found)
@@ -126,7 +128,8 @@ class Problem:
         floor = left * inflation(found.residual) + beyond * POLICY.correlated_rows
         fitted = fitted_values(found.fit, found.solver, self.scale, floor, known, complete=beyond == 0.0)
         zero = not self.reconstructed("position")
-        return told_by(self.errors.bank, fitted, self.beside, self.solver.known, zero=zero)
+        told = told_by(self.errors.bank, fitted, self.beside, self.solver.known, zero=zero)
+        return as_rests_allow(self.errors.bank, told, self.beside) if open_ else told
 
     def _noise_in(self, found: Weighed) -> float:
         """Variance of a whitened row that no function of single channels explains, in the rows that this fit trusts."""

@@ -68,7 +68,8 @@ class Verdict:
         self.named, self.sure = self.verdict()
         most = min(self.surest, POLICY.even if self.named == UNKNOWN else 1.0)
         self.missing = missing_of(members, most, dict.fromkeys((self.named, *self._named_for.values()), self.sure))
-        self.missing += perhaps_missing(search, whole, limits) if self.named in members and not beyond.unknown else ()
+        certain = self.named in members and not beyond.unknown
+        self.missing += perhaps_missing(search, whole, limits, members) if certain else ()
         if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
             fit = search.converged(self.alone[self.named].fit)
             self.alone[self.named] = Option(self.named, fit, search.evidence(fit))
