@@ -44,8 +44,8 @@ class OneWay:
 
     @property
     def open(self) -> float:
-        """How much of the friction a load against the way may be."""
-        return max(self.moving - self.least, 0.0)
+        """How much of the two a load against the way may be, or one that drives the axis must."""
+        return abs(self.moving - self.least)
 
     def proven(self, least: float) -> list[str]:
         """Those of the two of which rests leave no less than this: what holds the axis, and what drives it on."""
@@ -53,9 +53,10 @@ class OneWay:
 
     @property
     def error(self) -> float:
-        """rms by which a level is off that may be anything from the least to `moving`; nan where it must be more."""
+        """rms by which a level is off that may be anything from the least to `moving`. Where the least is more it is off
+        by that without a load; with one nothing is above it: nan."""
         if self.least >= self.moving:
-            return math.nan if self.both else 0.0
+            return math.nan if self.both else self.open
         most = max(self.moving, self.level)
         off = (most - self.level) ** 3 + (self.level - self.least) ** 3
         return math.sqrt(off / (3.0 * max(most - self.least, 1e-300)))

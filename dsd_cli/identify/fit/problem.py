@@ -18,7 +18,6 @@ from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION, best_delay, inver
 from dsd_cli.identify.fit.driven_load import both_driven, by_contacts, with_driven_load
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.errors import Errors, Noise, measured, sensor_variance
-from dsd_cli.identify.fit.one_way import as_rests_allow
 from dsd_cli.identify.fit.row_weights import Weighed, at_least_squares, inflation, weighed
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.testability import Settings, candidates_of, check_recordings, check_used, ranges, told_by
@@ -117,10 +116,9 @@ class Problem:
         return self.errors.of_fit(fit, self.scale)
 
     @once
-    def values(self, fit: Fit, returned: bool = True, as_found: bool = False, open_: bool = True) -> Fitted:
-        """Values of a fit with standard errors, from rows where friction's direction is sure; `returned` : these count
-        noise that came back through a controller, `open_` : what moves one way leave open, `as_found` : shapes stay.
-        What is left beyond noise is correlated."""
+    def values(self, fit: Fit, returned: bool = True, as_found: bool = False, rests: bool = True) -> Fitted:
+        """Values of a fit with errors, from rows where friction's direction is sure: these count what is left as
+        correlated, noise `returned` by a controller, what `rests` leave open; `as_found` : shapes stay."""
         found, known = at_least_squares(weighed(fit, self.solver, self.errors.bank), as_found)
         known = known if returned else replace(known, returned=0.0)
         left, noise = found.variance, self._noise_in(found)
@@ -128,8 +126,7 @@ class Problem:
         floor = left * inflation(found.residual) + beyond * POLICY.correlated_rows
         fitted = fitted_values(found.fit, found.solver, self.scale, floor, known, complete=beyond == 0.0)
         zero = not self.reconstructed("position")
-        told = told_by(self.errors.bank, fitted, self.beside, self.solver.known, zero=zero)
-        return as_rests_allow(self.errors.bank, told, self.beside) if open_ else told
+        return told_by(self.errors.bank, fitted, self.beside, self.solver.known, zero=zero, rests=rests)
 
     def _noise_in(self, found: Weighed) -> float:
         """Variance of a whitened row that no function of single channels explains, in the rows that this fit trusts."""

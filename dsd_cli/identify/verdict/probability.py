@@ -227,18 +227,18 @@ def probability_of(member: Membership, belief: float, surest: float) -> float:
     return min(belief * member.there, surest, member.surest)
 
 
-def perhaps_missing(
-    search: Search, whole: Fit, limits: Limits, members: Mapping[str, Membership]
-) -> tuple[Missing, ...]:
+def perhaps_missing(search: Search, whole: Fit, limits: Limits) -> tuple[Missing, ...]:
     """The effect beside a set that is of use and rather there than not, but gains too little to be certain: of moves at
-    one speed viscous friction is all but dry friction. Of many shapes one is of use by chance, more by few moves. And a
-    load that may be a part of dry friction, for all that moves one way and rests show."""
+    one speed viscous friction is all but dry friction. Of many shapes one is of use by chance, more by few moves."""
     useful = [o for o in search.options(whole) if search.practical(whole, o.fit) and not get_effect(o.effect).searched]
     likely = probabilities(search, whole, useful) if useful else {}
     open_ = [o for o in useful if min(likely[o.effect], surest_of(search, o.fit, limits)) >= POLICY.even]
-    found = [Missing(o.effect, POLICY.even) for o in open_ if search.lead(whole, o.fit) < POLICY.least_gain]
-    hidden = [(members[DRY], name) for name in search.left_open(whole)] if DRY in members else []
-    return (*found, *(Missing(name, dry.drawn(name)) for dry, name in hidden if name not in {m.effect for m in found}))
+    return tuple(Missing(o.effect, POLICY.even) for o in open_ if search.lead(whole, o.fit) < POLICY.least_gain)
+
+
+def hidden_in_friction(search: Search, whole: Fit, members: Mapping[str, Membership]) -> tuple[Missing, ...]:
+    """The load that may be a part of a dry friction, for all that moves one way and rests show."""
+    return tuple(Missing(n, members[DRY].drawn(n)) for n in search.left_open(whole)) if DRY in members else ()
 
 
 def left_over(search: Search, whole: Fit, beyond: Discrepancy) -> float:
