@@ -13,8 +13,8 @@ from dsd_cli.errors import DataError, TooShort
 from dsd_cli.identify.fit.bank import INERTIA as OF_INERTIA
 from dsd_cli.identify.fit.bank import Bank, Terms
 from dsd_cli.identify.fit.blocks import condensed
+from dsd_cli.identify.fit.direction import as_rests_allow
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.one_way import as_rests_allow
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.values import Fitted
 from dsd_cli.identify.policy import POLICY

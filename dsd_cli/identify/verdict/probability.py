@@ -15,7 +15,7 @@ import numpy as np
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import has_friction
-from dsd_cli.identify.fit.one_way import DRY
+from dsd_cli.identify.fit.direction import DRY
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
