@@ -33,7 +33,7 @@ from dsd_cli.cli.init_stamps import finite_stamps, unit_of_stamps
 from dsd_cli.cli.init_units import near, step_of, units_of
 from dsd_cli.errors import DsdError, UsageError, source_name
 from dsd_cli.files.csv_layout import CsvLayout
-from dsd_cli.files.first_look import time_unit_of
+from dsd_cli.files.first_look import time_unit_of, unit_of_dates
 from dsd_cli.files.formats.base import CLOCK
 from dsd_cli.files.logs import LoadedLog, load_log
 from dsd_cli.files.sample import sample
@@ -193,8 +193,11 @@ def _read(
         stamps = finite_stamps(names["t"], chosen.table)
         lasts = float(np.ptp(stamps)) if stamps.size else math.inf
         unit = time_unit_of(step, float(first["t"][0]), lasts)
-        other = "; if it is another: --set signals.time_unit=UNIT"
-        out.said.append(f"time_unit: not said; steps of {step:g} are taken as {unit}{other}")
+        if unit_of_dates(step, float(first["t"][0])):
+            out.said.append(f'time_unit = "{unit}": the stamps are dates of our days')
+        else:
+            other = "; if it is another: --set signals.time_unit=UNIT"
+            out.said.append(f"time_unit: not said; steps of {step:g} are taken as {unit}{other}")
     out.put("signals", "time_unit", unit)
     apart = load_log(path, names, most_rows=ROWS, layout=layout).log.sample_time if chosen.clock else sample_time
     counted = 1.0 if is_open(out, "position") else factors_of(out).get("position", 1.0)

@@ -41,7 +41,11 @@ DiagnosisOption = Annotated[
 ]
 SecondsOption = Annotated[
     str | None,
-    typer.Option("--seconds", metavar="S|A:B", help="Length, s; of A:B the shortest that is enough, with a curve."),
+    typer.Option(
+        "--seconds",
+        metavar="S|A:B",
+        help="Length, s; of A:B the shortest that is enough, with a curve. Default 10, or 20 where 10 are not enough.",
+    ),
 ]
 LimitOption = Annotated[
     list[str] | None,

@@ -130,7 +130,8 @@ def request(settings: Config, names: tuple[str, ...], numbers: Numbers, told: To
         raise UsageError(f"--sample-time {rate:g}", "must be above 0, in s")
     if begin is not None and not math.isfinite(begin):
         raise UsageError(f"--start {begin:g}", "must be a position")
-    lengths = (section.seconds,) if seconds is None else _lengths(seconds)
+    in_config = () if section.seconds is None else (section.seconds,)
+    lengths = in_config if seconds is None else _lengths(seconds)
     return Request(
         Wanted(
             names=names,

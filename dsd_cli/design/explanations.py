@@ -178,9 +178,9 @@ def _lacking(search: Search, plant: PlantModel, found: Fit, unexplained: float) 
         low, high = (-float(np.median(u + force + way * budget)) for way in (1.0, -1.0))
         mean = min(max(mean, low), high)
     # noise counts by the inertia, and what a crawl is found to have is often next to none
-    noise = errors.rows_of_model(replace(search.problem.scale.model(found), inertia=plant.inertia))
-    beside = float(np.mean((left + mean * free) ** 2 - noise**2)) + (unexplained * errors.force) ** 2
-    return mean, math.sqrt(max(beside, 0.0) / size)
+    noise = errors.rows_of_model(replace(search.problem.scale.model(found), inertia=plant.inertia, delay=plant.delay))
+    beside = float(np.mean((left + mean * free - noise) ** 2)) + (unexplained * errors.force) ** 2
+    return mean, math.sqrt(beside / size)
 
 
 def _pushed(plant: PlantModel, force: float) -> PlantModel:

@@ -33,8 +33,11 @@ from dsd_cli.signals.log import Array
 
 #: Plants of each explanation in the search, and for what is said.
 _DRAWS_IN_SEARCH, _DRAWS_SAID = 2, 4
+#: s of a motion of which nobody said how long, and where that is not enough, or nobody knows what is missing.
+USUAL = 10.0, 20.0
 
 Report = Callable[[str, float], None]
+_LOOKING = "looking at motions"
 
 
 @dataclass(frozen=True)
@@ -42,12 +45,12 @@ class Wanted:
     """What the user asks for.
 
     names : effects and values; () for what the logs leave open. seconds : lengths that are tried, the first that is
-    enough is taken; limits : name -> (low, high); start : position of rest, NaN for the middle of the range.
+    enough is taken; () for `USUAL`. limits : name -> (low, high); start : position of rest, NaN for the middle.
     controller : None for a usual one. rate : s between samples of the motion, NaN for that of the logs.
     """
 
     names: tuple[str, ...] = ()
-    seconds: tuple[float, ...] = (10.0,)
+    seconds: tuple[float, ...] = ()
     limits: Mapping[str, tuple[float, float]] = field(default_factory=dict)
     start: float = math.nan
     controller: ControllerSettings | None = None
@@ -73,7 +76,7 @@ def plan_next(
     UsageError : limits or names that make no sense. DataError : the axis cannot be held within the limit of u.
     """
     limits = limits_of(search.problem.recordings, wanted.limits, wanted.start, search.equations.band.hz)
-    room = Room.within(limits, search.equations, search.problem.recordings, max(wanted.seconds))
+    room = Room.within(limits, search.equations, search.problem.recordings, max(wanted.seconds or USUAL))
     asked = _Asked(search, observer, wanted, room, limits, diagnosis)
     targets = targets_of(search, whole, diagnosis, wanted.names, start=limits.start)
     further = unvisited(limits, search.problem.recordings) if targets.nothing and not wanted.names else ()
@@ -116,12 +119,13 @@ class _Asked:
         far = not targets.unknown and not wanted.names and "position" in unvisited(self.limits, problem.recordings)
         asked = targets
         targets = able_to_move(asked, room, problem.model, problem.recordings[0].sample_time, far=far)
-        report("looking at motions", 0.1)
+        report(_LOOKING, 0.1)
         impossible = [*not_by_motion(search, targets, self.diagnosis), *beyond_u(asked, targets)]
         measure = Measure(search, targets, _DRAWS_IN_SEARCH, limits=self.limits)
         if targets.nothing:
             return self._answer(None, measure, measure.expected(measure.nothing), impossible)
-        library = library_of(measure, room, wanted.seconds[0], lambda x: report("looking at motions", 0.1 + 0.4 * x))
+        lengths = wanted.seconds or USUAL[targets.unknown :]
+        library = library_of(measure, room, lengths[0], lambda x: report(_LOOKING, 0.1 + 0.4 * x))
         if not library:
             said = "no motion keeps the limits", "widen them; holding the axis may need more u than allowed"
             raise (TooNarrowError if room.reached and room.reached.u > self.limits.u else DataError)(*said)
@@ -130,15 +134,10 @@ class _Asked:
         if not (measure.open or targets.unknown):
             return self._answer(None, measure, measure.expected(measure.nothing), impossible)
         measure = measure.sized_by([(1.0 / one.part.seconds) * one.products for one in library])
-        seconds, parts, cost = _enough(measure, room, wanted, library, report)
-        report("under the loop", 0.8)
-        found, smallest, lost = self._verified(measure, parts, impossible)
+        found, cost, lost = self._long_enough(measure, lengths, library, impossible, report)
         counted = {e.name for e in targets.explanations} - set(lost)
-        return replace(
-            found,
-            cost=tuple(sorted({**cost, seconds: smallest}.items())),
-            not_counted=tuple(name for name in names if name not in counted),
-        )
+        lost = tuple(name for name in names if name not in counted)
+        return replace(found, cost=tuple(sorted(cost.items())), not_counted=lost)
 
     def _loops(self, measure: Measure) -> tuple[Loop, ...]:
         """The loop that is described, or usual ones."""
@@ -148,6 +147,36 @@ class _Asked:
             step = self.room.step * max(int(LONGEST_STEP / self.room.step), 1)  # slow: no motion needs finer ones
             return usual_loops(replace(first, delay=slowest), self.observer, step)
         return (Loop(self.wanted.controller, replace(self.observer, sign=1), self.room.step, described=True),)
+
+    def _long_enough(
+        self,
+        measure: Measure,
+        lengths: tuple[float, ...],
+        library: Sequence[Sized],
+        impossible: Sequence[Impossible],
+        report: Report,
+    ) -> tuple[Plan, dict[float, float], Sequence[str]]:
+        """(plan of a length that is enough, or of the longest; length -> smallest nats; explanations that are none)."""
+        found, cost, room = None, dict[float, float](), self.room
+        tries = [lengths] if self.wanted.seconds else [(s,) for s in lengths]
+        for some in tries:
+            library = library if some is tries[0] else library_of(measure, room, some[0])
+            seconds, parts, curve = _enough(measure, room, some, library, report)
+            path = {0: Path.of(joined(TIMES * parts, room), room.step)}
+            if some is not tries[-1] and measure.smallest(measure.of_paths(path, room.limits.u)) < ENOUGH:
+                continue  # nor is it where no plant has to keep the limits
+            report("under the loop", 0.8)
+            try:
+                found = self._verified(measure, parts, impossible)
+            except DataError:
+                if found is None:
+                    raise
+                break
+            cost |= {**curve, seconds: found[1]}
+            if found[1] >= ENOUGH:
+                break
+        assert found is not None
+        return found[0], cost, found[2]
 
     def _verified(
         self, measure: Measure, parts: tuple[MotionSegment, ...], impossible: Sequence[Impossible]
@@ -219,20 +248,20 @@ class _Asked:
 
 
 def _enough(
-    measure: Measure, room: Room, wanted: Wanted, library: Sequence[Sized], report: Report
+    measure: Measure, room: Room, lengths: Sequence[float], library: Sequence[Sized], report: Report
 ) -> tuple[float, tuple[MotionSegment, ...], dict[float, float]]:
     """(first length that is enough, or the last; different parts of it; length -> smallest nats, of several)."""
     found, cost = [], {}
-    for i, seconds in enumerate(wanted.seconds):
+    for i, seconds in enumerate(lengths):
         library = library_of(measure, room, seconds) if i else library  # parts are as long as the plan asks
         parts = optimised(measure, room, seconds, library)
         paths, most = {0: Path.of(joined(TIMES * parts, room), room.step)}, room.limits.u
         found.append(parts)
-        if len(wanted.seconds) > 1:
+        if len(lengths) > 1:
             cost[seconds] = _smallest(measure, paths, most, expected_of(measure, paths, most, 1))
-        report("choosing the motion", 0.5 + 0.3 * (i + 1) / len(wanted.seconds))
+        report("choosing the motion", 0.5 + 0.3 * (i + 1) / len(lengths))
     enough = next((i for i, nats in enumerate(cost.values()) if nats >= ENOUGH), len(found) - 1)
-    return wanted.seconds[enough], found[enough], cost
+    return lengths[enough], found[enough], cost
 
 
 def _smallest(measure: Measure, paths: Mapping[int, Path], most: float, expected: Expected) -> float:

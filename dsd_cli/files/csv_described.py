@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from dsd_cli.files.csv_body import Body
@@ -108,3 +108,21 @@ def with_lines(
     words = {name: [one for one in cells if one and not is_unit(one)] for name, cells in said.items()}
     more = {name: " ".join(cells) for name, cells in words.items() if cells and not any(map(is_number, cells))}
     return [f"{name} {more[name]}" if name in more else name for name in names], units
+
+
+#: A quoted cell that the line does not close.
+_OPEN = re.compile(r'(?:^|[,;\t|])\s*"[^"]*$')
+
+
+def closed(lines: Sequence[str], start: int, stop: int) -> Iterator[tuple[int, str]]:
+    """(place of its last line, row) of the lines from `start` to before `stop`, of which quoted cells make one: a
+    spreadsheet writes `"Torque` and `[Nm]"` below it."""
+    at = start
+    while at < stop:
+        end = at + 1
+        if _OPEN.search(lines[at]):
+            end = next(
+                (k + 1 for k in range(at + 1, stop) if sum(x.count('"') for x in lines[at : k + 1]) % 2 == 0), end
+            )
+        yield end - 1, " ".join(lines[at:end])
+        at = end

@@ -17,6 +17,7 @@ from dsd_cli.files.csv_cells import MISSING, is_number
 from dsd_cli.files.csv_described import (
     Row,
     as_wide,
+    closed,
     differ,
     in_groups,
     lines_of_each,
@@ -97,7 +98,7 @@ _COMMENTED = "the comment in line {} is taken as the header"
 
 def _rows(lines: Sequence[str], delimiter: str, start: int, stop: int) -> list[Row]:
     """The lines from `start` to before `stop` in which something stands."""
-    of_lines = ((at, is_comment(lines[at]), lines[at]) for at in range(start, stop) if lines[at].strip())
+    of_lines = ((at, is_comment(line), line) for at, line in closed(lines, start, stop) if line.strip())
     said = ((at, comment, uncommented(line) if comment else line) for at, comment, line in of_lines)
     return [Row(at, fields_of(line, delimiter), comment) for at, comment, line in said if line]
 

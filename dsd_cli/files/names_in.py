@@ -25,6 +25,9 @@ IN_BRACKETS = re.compile(r"[\[(<]\s*([^\])>]*?)\s*[\])>]")
 _NUMBER = re.compile(r"(?:/\d+|\s*[\[(]\d+[\])])+$")
 #: What a simulator of circuits calls a voltage or current that stands for something else: V(torque).
 _PROBE = re.compile(r"[VI]\(([A-Za-z_]\w*)\)")
+#: Columns of several levels as pandas writes them to Parquet: ('motor', 'iq_A').
+_LEVEL = re.compile("'([^']*)'")
+_LEVELS = re.compile(rf"\({_LEVEL.pattern}(?:, {_LEVEL.pattern})+\)")
 #: A number in hexadecimal, as of an object: 0x6077, 6077h.
 HEX = re.compile(r"0x[0-9a-fA-F]+|\b[0-9a-fA-F]{4}h\b")
 #: Letters and short words have no plural that says anything.
@@ -136,6 +139,8 @@ def is_named(text: str) -> bool:
 
 
 def plain_name(name: str) -> str:
-    """The name, of a probe of a circuit what is probed."""
+    """The name, of a probe of a circuit what is probed, of columns of pandas below others their path."""
+    if _LEVELS.fullmatch(name):
+        return "/".join(one for one in _LEVEL.findall(name) if one)
     probe = _PROBE.fullmatch(name.strip())
     return probe[1] if probe and not is_unit(probe[1]) else name

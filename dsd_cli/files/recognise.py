@@ -37,6 +37,8 @@ from dsd_cli.files.words import (
     OF_FORCE,
     OF_HEAT,
     OF_U,
+    OUTER,
+    OWNERS,
     QUATERNIONS,
     SHARES,
     SHORT_SETPOINT,
@@ -231,8 +233,7 @@ def is_error(name: str) -> bool:
 
 
 def is_neither(name: str, unit: str) -> bool:
-    """Whether name or unit say that it neither moves the axis nor is its motion: a temperature, what is left to go,
-    an acceleration."""
+    """Whether name or unit say that it is neither input nor motion: a temperature, what is left to go, acceleration."""
     own, said = name.rpartition("/")[2], whole_unit(unit or unit_in(name, ""))
     if said in OF_ACCELERATION or (_has(own, ACCELERATION) and not _score("u", name)):
         return True
@@ -276,15 +277,15 @@ def _score(channel: str, column: str) -> float:
         score = 0.8 * _word_score(channel, sorted(around & set(WORDS[channel])), "")
     if score == 0.0 or (asked and channel in ("velocity", "position", "d_hat", "time")):
         return 0.0
-    return score - (0.3 if asked else 0.0) + (0.2 if set(words) & MEASURED else 0.0)
+    return score - 0.3 * (asked or (channel == "u" and bool(set(words) & OUTER))) + 0.2 * bool(set(words) & MEASURED)
 
 
 def _word_score(channel: str, words: Sequence[str], joined: str) -> float:
     known = WORDS[channel]
     if joined in known:
         return 3.0 - 0.01 * known.index(joined)
-    said = {*MEASURED, *ASKED} - {"motor"} if channel != "time" else set()
-    bare = list(dropwhile(said.__contains__, words))  # actual_q_1
+    said = {*MEASURED, *ASKED, *OWNERS} - {"motor"} if channel != "time" else set()
+    bare = list(dropwhile(said.__contains__, words))  # actual_q_1, axisQMsr_a1
     others = _words_of_others(channel)
     letter = bare[:1] if others.isdisjoint(bare[1:]) else []  # q_current is none of q
     hits = [known.index(word) for word in words if word in known and (len(word) > 1 or word in letter)]

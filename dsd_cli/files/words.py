@@ -51,6 +51,7 @@ MEASURED = {
     "actual",
     "meas",
     "measured",
+    "msr",
     "ist",
     "fb",
     "fbk",
@@ -61,6 +62,10 @@ MEASURED = {
     "filt",
     "实际",
 }
+#: Words of whose a motion is, before its letter.
+OWNERS = {"axis", "joint", "achse", "gelenk"}
+#: Of a force that comes from outside, as a robot estimates it: less of a u than the torque of its drive.
+OUTER = {"ext", "external"}
 #: Words that make a column of another thing whatever else it is called: errors, limits, other axes' business.
 ELSE = {"limit", "max", "min", "status", "id", "index", "count", "mode", "true"}
 #: Of what a controller is to take away.

@@ -93,6 +93,7 @@ class SimulationSettings:
             raise UsageError(f"simulate.duration = {self.duration:g}", "must be at least one sample time")
 
 
+@np.errstate(over="ignore", invalid="ignore")  # what diverges is said, in one line
 def simulate(
     settings: SimulationSettings,
     feedback: Feedback | None = None,

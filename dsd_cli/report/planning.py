@@ -167,7 +167,8 @@ def _closing(plan: Plan) -> list[str]:
         return lines
     if len(plan.cost) > 1:
         curve = ", ".join(f"{s:g} s {nats_text(n)}" for s, n in plan.cost)
-        lines.append(f"what it costs: smallest nats of all that is open: {curve}")
+        what = "all that is open" if plan.pairs or plan.values else "all effects of the catalogue"
+        lines.append(f"what it costs: smallest nats of {what}: {curve}")
     lines += [f"  {s.start:.4g} to {s.end:.4g} s  {_stage_text(s)}" for s in plan.stages]
     where = "given" if len(limits.given) == 5 else "what the logs reached where no --limit says more"
     lines.append(

@@ -85,6 +85,7 @@ def test_a_column_that_the_user_names_says_of_which_joint_the_others_are(named: 
         (["FL_torque", "FR_torque", "FL_pos", "FR_pos"], ["FL", "FR"]),
         (["Torque1", "Torque2", "TorqueSm1", "TorqueSm2", "Position1", "Position2", "PositionSm1"], ["1", "2"]),
         (["torque_1", "torque_3", "q_1", "q_2"], ["1", "3", "2"]),
+        (["axisTorque_a1", "axisTorque_a2", "axisTorqueExt_a1", "axisQMsr_a1", "axisQMsr_a2"], ["1", "2"]),
     ],
 )
 def test_what_joints_are_called(columns: list[str], expected: list[str]) -> None:

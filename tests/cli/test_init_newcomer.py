@@ -28,6 +28,15 @@ def test_a_unit_of_time_spelt_out_is_that_unit(unit: str, scale: float, tmp_path
     assert load_config(tmp_path / "dsd.toml").signals.time_unit == {1e-3: "ms", 1.0: "s", 1e-6: "us"}[scale]
 
 
+def test_the_unit_of_stamps_that_are_dates_of_our_days_is_no_guess(tmp_path: Path) -> None:
+    columns = (np.round(1.7e12 + 1e3 * AXIS["t"]), AXIS["u"], AXIS["q"])
+    rows = strangers.rows(AXIS, *columns, form="{:.15g}")
+    strangers.text(tmp_path, "a.csv", ["stamp,torque,position (deg)", *rows])
+    said = done("init", "a.csv", cwd=tmp_path).stderr
+    assert 'time_unit = "ms": the stamps are dates of our days' in said
+    assert "not said" not in said
+
+
 def test_cells_that_say_sec_are_seconds_however_slow(tmp_path: Path) -> None:
     """Rows 0.5 s apart: of bare numbers they would be milliseconds."""
     rows = [f"{0.5 * k:g} sec,{u:.6g},{q:.6g}" for k, (u, q) in enumerate(zip(AXIS["u"], AXIS["q"], strict=True))]

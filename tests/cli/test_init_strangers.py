@@ -178,6 +178,8 @@ def test_a_pointer_of_git_lfs_is_named(tmp_path: Path) -> None:
         ("r63[0]: Speed smoothed in rpm", "velocity", "rpm"),
         ("RECPROBE1(Time)", "time", ""),
         ("dwell [ms]/time [s]", "time", "s"),
+        ("('motor', 'iq_A')", "u", "A"),  # two levels of columns, as pandas writes them to Parquet
+        ("('motor', 'iq', '')", "u", ""),
     ],
 )
 def test_the_number_of_a_matrix_column_hides_no_unit(name: str, channel: str, unit: str) -> None:
@@ -203,6 +205,8 @@ def test_a_part_of_a_unit_is_of_what_the_unit_is_of() -> None:
         (["time", "V(out)", "I(R1)"], {"time": "time"}),
         (["t", "Position Deviation", "iq"], {"time": "t", "u": "iq"}),
         (["t", "target_q_1", "actual_q_1"], {"time": "t", "position": "actual_q_1", "reference": "target_q_1"}),
+        (["t", "axisTorqueExt", "axisTorque", "axisQMsr"], {"time": "t", "u": "axisTorque", "position": "axisQMsr"}),
+        (["('motor', 'tau')", "('link', 'q')"], {"u": "('motor', 'tau')", "position": "('link', 'q')"}),
         (["Time", "MotTrq[Nm]", "PackCurrent[A]", "BMS::Current"], {"time": "Time", "u": "MotTrq[Nm]"}),
     ],
 )
@@ -374,9 +378,9 @@ def test_a_text_without_a_column_of_numbers_is_no_question_which_it_is(tmp_path:
 
 
 def robot(folder: Path) -> Path:
-    """What a name says of each is wrong: `q_d` is no velocity, but asked for, and `tau_ext` does not drive the axis."""
+    """What a name says of each is wrong: `q_d` is no velocity, but asked for, and `tau_side` drives nothing."""
     a, rng = AXIS, np.random.default_rng(4)
-    names = "duration,q_d,q,dq,tau_ext_filtered,tau_J"
+    names = "duration,q_d,q,dq,tau_side_filtered,tau_J"
     columns = (a["t"], a["r"], a["q"], a["v"], 0.05 * rng.standard_normal(strangers.ROWS), a["u"])
     return strangers.text(folder, "robot.csv", [names, *strangers.rows(a, *columns)])
 
@@ -387,9 +391,9 @@ def test_what_channels_do_counts_more_than_names_that_they_contradict(tmp_path: 
     assert (signals.u, signals.position, signals.velocity) == ("tau_J", "q", "dq")
     assert 'u = "tau_J": the motion explains' in said
     assert 'velocity = "dq": it is the slope of q, and q_d is not' in said
-    done("init", "robot.csv", "--force", "--u", "tau_ext_filtered", "--velocity", "q_d", cwd=tmp_path)
+    done("init", "robot.csv", "--force", "--u", "tau_side_filtered", "--velocity", "q_d", cwd=tmp_path)
     signals = load_config(tmp_path / "dsd.toml").signals
-    assert (signals.u, signals.velocity) == ("tau_ext_filtered", "q_d")
+    assert (signals.u, signals.velocity) == ("tau_side_filtered", "q_d")
 
 
 @pytest.mark.parametrize(("unit", "turn"), [("deg", 360.0), ("rad", 2.0 * np.pi)])

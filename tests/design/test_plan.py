@@ -252,6 +252,17 @@ LIKELY = (
 )
 
 
+@pytest.mark.usefixtures("quick")
+def test_a_motion_is_longer_where_a_shorter_one_is_not_enough(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
+    for usual in ((1.0, 6.0), (6.0, 60.0)):
+        monkeypatch.setattr("dsd_cli.design.plan.USUAL", usual)
+        plan = tied.plan()
+        assert plan.motion is not None
+        assert plan.motion.seconds == pytest.approx(6.0, abs=0.2)
+        assert dict(plan.cost)[6.0] > 50.0
+    assert dict(tied.plan(seconds=(1.0,)).cost)[1.0] < 50.0
+
+
 @pytest.mark.parametrize(
     ("what", "kind", "seed"),
     [

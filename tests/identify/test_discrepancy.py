@@ -64,6 +64,16 @@ def test_a_law_without_a_name_is_seen_with_what_it_depends_on(name):
     assert found.heldout_rmse < 0.8 * search.problem.errors.rmse(search.refit)
 
 
+def test_a_law_that_is_less_than_the_background_is_certain_and_not_unknown():
+    """A fiftieth of one, less than 1 % of u; the sensor leaves less. Beside the truth no function is certain."""
+    search = disturbed(lambda t, v, q: 0.02 * LAWS["a power of the speed"][0](t, v, q), noise=2e-4)
+    found = discrepancy_of(search, search.refit)
+    assert "velocity" in found.on
+    assert (found.certain, found.unknown) == (True, False)
+    truth = posed(None, ())
+    assert not discrepancy_of(truth, truth.refit).certain
+
+
 def test_a_load_that_wanders_is_unknown_over_time():
     rng = np.random.default_rng(5)
     walk = np.convolve(np.cumsum(rng.normal(size=6000)) * 0.01, np.ones(200) / 200, "same")

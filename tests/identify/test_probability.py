@@ -90,7 +90,8 @@ def test_what_is_left_counts_in_full_beside_an_effect_with_memory(monkeypatch):
     squares = {"whole": 0.1, "rest": math.sqrt(2.0) * 0.1}
     errors = SimpleNamespace(force=1.0, rmse=lambda fit: squares[fit])
     monkeypatch.setattr(UnnamedLaws, "_shares", lambda *_: ([(1.0, 1.0)], 0.0))
-    laws = UnnamedLaws(SimpleNamespace(problem=SimpleNamespace(errors=errors, floor=0.0)), "whole")
+    nothing_known = Discrepancy((), 0.1, False, 0.1, 0.1)
+    laws = UnnamedLaws(SimpleNamespace(problem=SimpleNamespace(errors=errors, floor=0.0)), "whole", nothing_known)
     assert laws.belief(Term("coulomb_friction"), "rest") == pytest.approx(1.0 / (1.0 + 0.1**2))
     assert laws.belief(Term("presliding_friction"), "rest") == pytest.approx(0.1)
 
@@ -224,18 +225,22 @@ def test_unknown_is_no_surer_than_what_is_left_of_u_bears_out(monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("untestable", "rmse", "wanted"),
+    ("untestable", "rmse", "certain", "wanted"),
     [
-        ({}, 0.001, 1.0),
-        ({}, 0.1, 0.5),
-        ({"gravity": "no position"}, 0.001, 1.0 / (1.0 + math.exp(-3.0))),
-        ({"constant_load": LOOKS_THE_SAME}, 0.001, 0.5),
+        ({}, 0.001, False, 1.0),
+        ({}, 0.1, False, 0.5),
+        ({"gravity": "no position"}, 0.001, False, 1.0 / (1.0 + math.exp(-3.0))),
+        ({"constant_load": LOOKS_THE_SAME}, 0.001, False, 0.5),
+        ({}, 0.01, True, 0.75),
     ],
-    ids=["all tested", "much at stops", "one not tested", "one on another path"],
+    ids=["all tested", "much at stops", "one not tested", "one on another path", "a function takes 1 % of u off"],
 )
-def test_nothing_is_missing_by_what_was_tested_and_what_is_left(untestable, rmse, wanted, monkeypatch):
+def test_nothing_is_missing_by_what_was_tested_and_what_is_left(untestable, rmse, certain, wanted, monkeypatch):
     monkeypatch.setattr(probability, "probabilities", lambda *_: {probability.NOTHING: 1.0})
-    assert probability.nothing_missing(left_in(rmse, untestable), []) == pytest.approx(wanted, abs=0.01)
+    monkeypatch.setattr(discrepancy, "surely_left", lambda search, _fit: search.problem.errors.rmse(None))
+    beyond = Discrepancy((), 0.0, False, rmse, rmse, certain)  # of a coarse sensor no less noise was expected
+    search = left_in(rmse, untestable, floor=0.01 if certain else 0.001)
+    assert probability.nothing_missing(search, [], beyond) == pytest.approx(wanted, abs=0.01)
 
 
 @pytest.mark.parametrize(
@@ -256,16 +261,17 @@ def test_what_no_noise_of_the_sensor_leaves_is_a_force_before_it_is_called_missi
     assert got.probability == pytest.approx(wanted, abs=0.01)
 
 
-@pytest.mark.parametrize("unknown", [True, False])
-def test_what_a_function_explains_is_a_force_however_much_noise_was_expected(unknown, monkeypatch):
+@pytest.mark.parametrize(("unknown", "certain"), [(True, True), (False, True), (False, False)])
+def test_what_a_function_explains_is_a_force_however_much_noise_was_expected(unknown, certain, monkeypatch):
     """An end stop behind 4096 counts: the position explained 2.5 % of u of 2.7, and less was left than the sensor's
     noise was thought to be: "something is missing", 0 %. Such an encoder's steps may follow the motion: even odds."""
     problem = SimpleNamespace(errors=SimpleNamespace(force=1.0, rmse=lambda _: 0.027), floor=0.03, least_missing=0.06)
     monkeypatch.setattr(discrepancy, "surely_left", lambda search, _fit: search.problem.errors.rmse(None))
-    beyond = Discrepancy(("position",), 0.01, unknown, 0.027, 0.027)
+    beyond = Discrepancy(("position",), 0.01, unknown, 0.027, 0.027, certain)
     got = probability.unexplained_of(SimpleNamespace(problem=problem), None, beyond, 0.01)
-    assert got.share_of_u == pytest.approx(0.025 if unknown else 0.0, abs=1e-4)
-    assert got.probability == pytest.approx(0.5 / (1.0 + 0.4**2) if unknown else 0.01, abs=0.01)
+    assert got.share_of_u == pytest.approx(0.025 if certain else 0.0, abs=1e-4)
+    assert got.probability == pytest.approx(0.5 / (1.0 + 0.4**2) if certain else 0.01, abs=0.01)
+    assert got.on == (("position",) if certain else ())
 
 
 def test_a_shape_that_was_searched_is_a_choice_like_another_effect(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -399,6 +399,29 @@ def test_beside_a_lag_a_load_is_driven_by_the_delay_that_was_found_with_it(monke
 
 
 @pytest.mark.parametrize(
+    ("doubtful", "found", "searches"),
+    [(False, "backlash", 0), (True, "backlash", 1), (False, "flexible_coupling", 1)],  # another name is another answer
+)
+def test_where_the_balance_leaves_noise_beside_its_load_none_is_searched_beside_the_response(
+    doubtful, found, searches, monkeypatch
+):
+    """The effects that would make up for worse values of the load took 26 s of 29 s of a diagnosis."""
+    load = {"gap": (0.0109, 0.0004), "load_share": (0.39, 0.005), "stiffness": (38.0, 1.7)}
+    seen = Seen("backlash", load, (), 15e3, 0.7, 150.0, 20.0, PlantModel(0.01, 0.002, {}))
+    monkeypatch.setattr(resonance, "response_of", lambda *_: response.Response(seen))
+    asked = []
+    problem = SimpleNamespace(errors=SimpleNamespace(rmse=lambda fit: fit.left))
+    search = SimpleNamespace(
+        allowed=LOADS, problem=problem, equations=SimpleNamespace(counting=1.0, band=SimpleNamespace(hz=110.0))
+    )
+    whole, beside = SimpleNamespace(terms=(Term(found),), left=0.013), SimpleNamespace(terms=(), left=0.023)
+    monkeypatch.setattr(resonance, "searched", lambda task: asked.append(task) or (search, beside))
+    task = Task((), PlantModel(0.01, 0.002, {}), Settings())
+    assert resonance.with_response(search, whole, task, doubtful).whole is whole
+    assert len(asked) == searches
+
+
+@pytest.mark.parametrize(
     ("without", "beside", "sure", "stays"),
     [
         (14.8, 4.2, True, True),  # a belt with dry friction, which has no linear response

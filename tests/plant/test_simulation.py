@@ -86,6 +86,14 @@ def test_plain_pd_is_unstable_where_the_network_observer_is_not():
     assert np.abs(simulate(SimulationSettings(PlantModel(1.0, 0.3), 10.0, 5e-3, controller=limited))["u"]).max() == 2.0
 
 
+@pytest.mark.filterwarnings("error")
+def test_an_axis_that_swings_beyond_all_numbers_is_said_in_one_line():
+    arm = PlantModel(0.01, 0.02, {"gravity": {"amplitude": 0.4, "phase": 0.3}})
+    pd = ControllerSettings("pd", Gains(1e3, 1e2))
+    with pytest.raises(DataError, match="unstable"):
+        simulate(SimulationSettings(arm, 6.0, 1e-3, controller=pd, start=0.3))
+
+
 def test_standard_observer_rejects_a_load():
     model = PlantModel(1.0, 0.0, {"constant_load": {"force": -0.3}})
     positions = {}

@@ -18,4 +18,6 @@ class Plan(Section):
     start: float | None = key(
         number(), "position of rest at begin and end; none is the middle of the range", "rad or m", default=None
     )
-    seconds: float = key(_ABOVE, "length of the motion", "s", default=10.0)
+    seconds: float | None = key(
+        _ABOVE, "length of the motion; none is 10, and 20 where 10 are not enough", "s", default=None
+    )

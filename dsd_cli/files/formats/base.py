@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -121,11 +122,19 @@ def check_size(path: str, size: float) -> None:
 FEWEST = 20
 #: What a single number is called that is the s between samples: as in an iddata, in what a simulator was set to.
 _SAMPLE_TIMES = {"ts", "dt", "sampletime", "sample_time", "tsample", "timestep", "time_step"}
+#: And their number in a second.
+_RATES = {f"{word}{_}{of}" for word in ("sample", "sampling") for _ in ("", "_") for of in ("rate", "frequency")} | {
+    "fs"
+}
 
 
-def says_sample_time(name: str, value: Any) -> bool:
-    """Whether a single number beside channels is the s between their samples."""
-    return name.lower() in _SAMPLE_TIMES and isinstance(value, int | float) and FASTEST <= value <= SLOWEST
+def sample_times_said(name: str, value: Any) -> set[float]:
+    """The s between samples that a single number beside channels says, or what they are in a second: one, or none."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0.0:
+        return set()
+    called = name.lower()
+    step = float(value) if called in _SAMPLE_TIMES else round(1.0 / value, 12) if called in _RATES else math.nan
+    return {step} if FASTEST <= step <= SLOWEST else set()
 
 
 def lies_in_rows(shape: tuple[int, ...]) -> bool:
@@ -136,8 +145,9 @@ def lies_in_rows(shape: tuple[int, ...]) -> bool:
 def columns_of(name: str, values: Any) -> dict[str, Array]:
     """The channels in one array: itself, the columns of a matrix as `name/1`, `name/2`, ..., the fields of records.
 
-    A row vector counts as a column, and so do the rows of a wide matrix; what holds no numbers, or has more than two
-    dimensions, gives nothing.
+    A row vector counts as a column, and so do the rows of a wide matrix. Of more dimensions (samples, robots, joints),
+    or of Simulink's 1 x 1 x N, the samples are along the longest, and the others number the channels: `name/1/2`. What
+    holds no numbers gives nothing.
     """
     array = np.asarray(values) if not isinstance(values, np.ma.MaskedArray) else values
     if array.dtype.names:
@@ -145,17 +155,20 @@ def columns_of(name: str, values: Any) -> dict[str, Array]:
         for part in array.dtype.names:
             found |= columns_of(f"{name}/{part}" if name else part, array[part])
         return found
-    if array.ndim == 2 and 1 in array.shape:
-        array = array.reshape(-1)
+    if array.ndim > 1 and 1 in array.shape:
+        array = np.atleast_1d(array.squeeze())
     if array.ndim == 2 and lies_in_rows(array.shape):
         array = array.T
-    if array.ndim not in (1, 2) or (array.ndim == 2 and array.shape[1] > MOST_COLUMNS):
+    if array.ndim > 2:
+        array = np.moveaxis(array, int(np.argmax(array.shape)), 0)
+    if array.ndim == 0 or (array.ndim > 1 and math.prod(array.shape[1:]) > MOST_COLUMNS):
         return {}
     if (column := numbers(array)) is None:
         return {}
-    if column.ndim == 1:
-        return {name: column}
-    return {f"{name}/{k + 1}": np.ascontiguousarray(column[:, k]) for k in range(column.shape[1])}
+    return {
+        "/".join([name, *(str(k + 1) for k in at)]): np.ascontiguousarray(column[:, *at])
+        for at in np.ndindex(column.shape[1:])
+    }
 
 
 def grouped(channels: Mapping[str, Array], units: Mapping[str, str] | None = None) -> list[Group]:

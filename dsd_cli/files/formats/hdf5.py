@@ -13,6 +13,8 @@ from dsd_cli.signals.log import Array
 
 #: Attributes that name the unit of a dataset.
 UNITS = ("units", "unit", "Units", "Unit")
+#: Attributes that name the columns of a matrix.
+NAMES = ("columns", "column_names", "names", "channels", "labels")
 #: More bytes per byte in the file than any compression gives: the rest was never written.
 MOST_PACKED = 2000
 
@@ -83,8 +85,7 @@ class _Place:
     def __init__(self, item: Any, along: int, at: int | None = None, part: str | None = None) -> None:
         self._item, self._along, self._at, self._part = item, along, at, part
         self.rows = item.shape[along]
-        attributes = getattr(item, "attrs", {})  # an array in memory has none
-        self.unit = _text(next((attributes[key] for key in UNITS if key in attributes), ""))
+        self.unit = _said(item, UNITS, at)
 
     def read(self, start: int, stop: int) -> Array:
         rows = slice(start, stop)
@@ -115,7 +116,21 @@ def _places(path: str, item: Any, matlab: bool) -> dict[str, _Place]:
     along = 1 if matlab != lies_in_rows(item.shape[::-1] if matlab else item.shape) else 0
     if item.shape[1 - along] > MOST_COLUMNS:
         return {}
-    return {f"{path}/{k + 1}": _Place(item, along, k) for k in range(item.shape[1 - along])}
+    named = {k: _said(item, NAMES, k) or str(k + 1) for k in range(item.shape[1 - along])}
+    if len(set(named.values())) < len(named) or any("/" in name for name in named.values()):
+        named = {k: str(k + 1) for k in named}
+    return {f"{path}/{name}": _Place(item, along, k) for k, name in named.items()}
+
+
+def _said(item: Any, keys: Sequence[str], at: int | None) -> str:
+    """What the first of these attributes says of a dataset, or of its column `at` where it has a text for each."""
+    attributes = getattr(item, "attrs", {})  # an array in memory has none
+    value = next((attributes[key] for key in keys if key in attributes), "")
+    if np.ndim(value) == 0 or np.size(value) == 1:
+        return "" if keys is NAMES else _text(np.ravel(value)[0])
+    if at is None or np.ndim(value) != 1 or at >= len(value) or len(value) not in item.shape:
+        return ""
+    return _text(value[at])
 
 
 def _text(value: Any) -> str:

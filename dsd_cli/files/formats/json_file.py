@@ -15,7 +15,7 @@ import numpy as np
 from dsd_cli.errors import DataError
 from dsd_cli.files.content import text_of
 from dsd_cli.files.csv_cells import stamps_in
-from dsd_cli.files.formats.base import FEWEST, InMemory, check_size, says_sample_time
+from dsd_cli.files.formats.base import FEWEST, InMemory, check_size, sample_times_said
 from dsd_cli.files.formats.long_form import form_by_texts, turned
 from dsd_cli.files.formats.messages import LONGEST_ARRAY, fields
 from dsd_cli.signals.log import Array
@@ -32,6 +32,8 @@ SYSID = {
 }
 #: What it calls the units of its positions.
 SYSID_UNITS = {"meters": "m", "rotations": "turn", "radians": "rad", "degrees": "deg", "inches": "in", "feet": "ft"}
+#: Keys of what a channel says of itself.
+_NAMES, _UNITS = ("name", "label", "signal", "channel"), ("unit", "units")
 #: What the part of a document is called in which it speaks of itself.
 _OF_ITSELF = {"metadata", "meta", "header", "info", "attributes", "config", "settings", "simulation"}
 #: Rows have no more numbers.
@@ -84,7 +86,7 @@ def _parsed(path: str, text: str) -> Any:
 
 def _collect(value: Any, name: str, found: dict[str, Table], rows_of: Mapping[int, Sequence[str]]) -> None:
     """Every table in the document, by the path to it."""
-    value = _listed(value)
+    value = _called(_listed(value))
     if isinstance(value, Mapping):
         arrays = {str(key): column for key, part in value.items() if (column := _numbers(part)) is not None}
         if arrays:
@@ -99,6 +101,24 @@ def _collect(value: Any, name: str, found: dict[str, Table], rows_of: Mapping[in
         table = _records(value) if isinstance(value[0], Mapping) else _rows(value, rows_of)
         if table:
             found.setdefault(name, {}).update(table)
+
+
+def _called(value: Any) -> Any:
+    """Name (with unit) -> samples of a list of channels that say what they are called; anything else as it is.
+
+    >>> _called([{"name": "Torque", "unit": "Nm", "data": [0.1, ...]}, ...])  # {"Torque [Nm]": [0.1, ...], ...}
+    """
+    if not (isinstance(value, list) and all(isinstance(one, Mapping) for one in value)):
+        return value
+    found: dict[str, Any] = {}
+    for one in value:
+        samples = [part for part in one.values() if isinstance(part, list) and _numbers(part) is not None]
+        name = next((one[key] for key in _NAMES if isinstance(one.get(key), str)), "")
+        unit = next((one[key] for key in _UNITS if isinstance(one.get(key), str)), "")
+        if not name or len(samples) != 1 or len(samples[0]) <= LONGEST_ARRAY:
+            return value
+        found[f"{name} [{unit}]" if unit else name] = samples[0]
+    return found if len(found) == len(value) > 1 and len(set(map(len, found.values()))) == 1 else value
 
 
 def _are_tests(value: Any) -> bool:
@@ -177,7 +197,7 @@ def _sample_times(document: Any) -> set[float]:
     while left:
         one = left.pop()
         if isinstance(one, Mapping):
-            said |= {float(value) for key, value in one.items() if says_sample_time(str(key), value)}
+            said |= {step for key, value in one.items() for step in sample_times_said(str(key), value)}
             left += [value for key, value in one.items() if str(key).lower() in _OF_ITSELF or _has_samples(value)]
     return said
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.files.formats.base import FEWEST, InMemory, check_size, columns_of, says_sample_time
+from dsd_cli.files.formats.base import FEWEST, InMemory, check_size, columns_of, sample_times_said
 from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, not_seen, object_channels
 from dsd_cli.signals.log import Array
 
@@ -31,7 +31,7 @@ class MatFile(InMemory):
             loaded = loadmat(path, simplify_cells=True)
         objects = object_channels(path) if _WORKSPACE in loaded else None
         plain = {name: value for name, value in loaded.items() if not name.startswith("__") and name != "None"}
-        units: dict[str, str] = {}
+        plain, units = _of_modelica(plain)
         super().__init__(_channels("", plain, units) if objects is None else objects, units=units)
         self.sample_time = _sample_time(plain)
         if _WORKSPACE in loaded and (objects is None or not self.groups):
@@ -88,14 +88,40 @@ def _claimed(path: str) -> float:
         return 0.0
 
 
+#: What a result of Modelica keeps beside the parameters, which do not change.
+_RESULT = {"Aclass", "name", "description", "dataInfo", "data_2"}
+
+
+def _of_modelica(variables: dict[str, Any]) -> tuple[dict[str, Any], dict[str, str]]:
+    """(variables, units) of a result of Dymola or OpenModelica by the names that it keeps beside its matrices; of any
+    other file the variables as they are.
+
+    `dataInfo` says of each in which matrix and column it is, below 0 where that is its negative; all may be turned.
+    """
+    if not variables.keys() >= _RESULT:
+        return variables, {}
+    names, said, info, data = (variables[key] for key in ("name", "description", "dataInfo", "data_2"))
+    if "binTrans" in "".join(variables["Aclass"]):
+        names, said = (["".join(letters) for letters in zip(*texts, strict=True)] for texts in (names, said))
+    else:
+        info, data = info.T, data.T
+    found: dict[str, Any] = {}
+    units: dict[str, str] = {}
+    for name, text, matrix, at in zip(map(str.strip, names), said, info[0], info[1], strict=True):
+        if matrix in (0, 2):  # the time, or what changes
+            found[name] = math.copysign(1.0, at) * data[abs(int(at)) - 1]
+            units[name] = text.rpartition("[")[2].rstrip().rstrip("]").partition("|")[0] if "[" in text else ""
+    return found, units
+
+
 def _sample_time(variables: Mapping[str, Any]) -> float | None:
     """The one that the variables say, or fields of structs with channels: that of a controller is another matter."""
     said: set[float] = set()
     for name, value in variables.items():
         if isinstance(value, Mapping):
             said |= {inside} if _records(value) and (inside := _sample_time(value)) is not None else set()
-        elif says_sample_time(name, value):
-            said.add(float(value))
+        else:
+            said |= sample_times_said(name, value)
     return said.pop() if len(said) == 1 else None
 
 

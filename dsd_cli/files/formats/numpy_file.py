@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.files.formats.base import InMemory, check_size, columns_of, says_sample_time
+from dsd_cli.files.formats.base import InMemory, check_size, columns_of, sample_times_said
 from dsd_cli.signals.log import Array
 
 
@@ -30,7 +30,6 @@ class NumpyFile(InMemory):
                     except ValueError:  # an array of Python objects
                         skipped.append(name)
                         continue
-                    if values.size == 1 and says_sample_time(name, values.item()):
-                        said.add(float(values.item()))
+                    said |= sample_times_said(name, values.item()) if values.size == 1 else set()
         super().__init__(channels)
         self.sample_time = said.pop() if len(said) == 1 else None

@@ -26,7 +26,7 @@ from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, beyond_noise, discrepancy_of, only_at_stops
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, above_floor, discrepancy_of, force_beyond, only_at_stops
 from dsd_cli.signals.log import Array
 
 DRAWS, SEED = 400, 20261121
@@ -69,9 +69,9 @@ class UnnamedLaws:
     the position, unless a function of that does as well without it. What laws of it leave in the other half counts too.
     """
 
-    def __init__(self, search: Search, whole: Fit) -> None:
+    def __init__(self, search: Search, whole: Fit, beyond: Discrepancy) -> None:
         self.search, self.whole = search, whole
-        self.left = beyond_noise(search, whole)
+        self.left, self.certain = force_beyond(search, whole, beyond), beyond.unknown or beyond.certain
 
     @cached_property
     def elsewhere(self) -> float:
@@ -112,8 +112,8 @@ class UnnamedLaws:
 
     def _asked(self, member: Term) -> bool:
         """Whether a law beside it, or in its place, is looked for in little that is left. What acts on u has no
-        columns; and of what is left at stops alone functions follow how each stop came about."""
-        return member.effect.role is not Role.INPUT and not only_at_stops(self.search, self.whole)
+        columns; and of what is left at stops alone functions follow how each stop came about, if none is certain."""
+        return member.effect.role is not Role.INPUT and (self.certain or not only_at_stops(self.search, self.whole))
 
     def imitates(self, member: Term, there: float) -> bool:
         """Whether another law is rather there, by the other half of the travel."""

@@ -89,7 +89,7 @@ def diagnose(
     stops, answer = _without_stops(end_stops(search, whole, beyond, apart.plain, holdout), again, on_found)
     if answer is not None:
         return answer
-    members = {} if limits.blocked or shown.seen is not None else memberships(search, whole, beyond.unknown)
+    members = {} if limits.blocked or shown.seen is not None else memberships(search, whole, beyond)
     if members and not task.settings.taken and (refused := overturning(search, whole)):  # else values are not given
         return again(apart.plain, settings=task.settings.without([refused]), holdout=holdout)
     options = [*search.options(search.refit), *first]

@@ -24,13 +24,14 @@ from dsd_cli.signals.log import Array
 
 @dataclass(frozen=True)
 class Discrepancy:
-    """What a fit leaves: the best free-form function of it, if something unknown is there; plain : its own rmse."""
+    """What a fit leaves: the best free-form function of it, `certain` if no noise is so; plain : its own rmse."""
 
     on: tuple[str, ...]
     heldout_rmse: float
     unknown: bool
     noise: float
     plain: float
+    certain: bool = False
 
     @property
     def of_gain(self) -> bool:
@@ -39,8 +40,8 @@ class Discrepancy:
 
     @property
     def least(self) -> float:
-        """rms that is left by whatever explains what is unknown: no free function, and no white noise, leaves less."""
-        return min(self.heldout_rmse, self.noise)
+        """rms that is left by whatever explains what is unknown, or little but certain: no function leaves less."""
+        return min(self.heldout_rmse, self.noise) if self.unknown else self.heldout_rmse if self.certain else self.plain
 
     def of_channels(self, name: str) -> bool:
         """Whether it depends on channels of an effect, which then may stand in for another law of them."""
@@ -96,8 +97,7 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
     large = min(math.sqrt(max(plain**2 - reached**2, 0.0)), left) > least
     structured = share > POLICY.structured_share and math.sqrt(share) * left > least
     on = best.on if reached < plain else ()
-    unknown = (certain and large) or structured
-    return Discrepancy(on, min(reached, plain), unknown, noise, plain)
+    return Discrepancy(on, min(reached, plain), (certain and large) or structured, noise, plain, certain)
 
 
 def above_floor(search: Search, fit: Fit) -> bool:
@@ -127,12 +127,12 @@ def beyond_noise(search: Search, fit: Fit, times: float = 1.0) -> float:
     return math.sqrt(max(surely_left(search, fit) ** 2 - (times * search.problem.floor) ** 2, 0.0))
 
 
-def force_beyond(search: Search, fit: Fit, beyond: Discrepancy) -> float:
-    """rms of the force that a fit leaves, unit of u: what is beyond the sensor's noise, and of what is unknown no less
-    than can be explained, for of a coarse sensor more noise may have been expected than there is."""
-    share = 1.0 - (beyond.least / max(beyond.plain, 1e-300)) ** 2 if beyond.unknown else 0.0
+def force_beyond(search: Search, fit: Fit, beyond: Discrepancy, times: float = 1.0) -> float:
+    """rms of the force that a fit leaves, unit of u: what is beyond so many times the sensor's noise, and no less than
+    is explained, for of a coarse sensor more noise may have been expected than there is."""
+    share = 1.0 - (beyond.least / max(beyond.plain, 1e-300)) ** 2
     explained = search.problem.errors.rmse(fit) * math.sqrt(max(share, 0.0))
-    return max(beyond_noise(search, fit), min(explained, surely_left(search, fit)))
+    return max(beyond_noise(search, fit, times), min(explained, surely_left(search, fit)))
 
 
 def only_at_stops(search: Search, fit: Fit) -> bool:

@@ -102,7 +102,7 @@ class Verdict:
             return self.own.wrong, min(likely, surest)
         if beyond.unknown or above or self.shown.said:
             return self._unknown()
-        return NONE, min(nothing_missing(search, self.options), surest)
+        return NONE, min(nothing_missing(search, self.options, beyond), surest)
 
     def _unknown(self) -> tuple[str, float]:
         """As sure as what is left of u is a force; a push above the band, or play, is rather there than not."""

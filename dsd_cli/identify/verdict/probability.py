@@ -75,10 +75,10 @@ class Membership:
         return own if name == self.effect else min(likely, self.place - own) if name in self.rivals else likely
 
 
-def memberships(search: Search, whole: Fit, unknown: bool) -> dict[str, Membership]:
-    """Of each effect that was found; `unknown` : something remains that nothing explains."""
-    misfit = unknown or search.problem.reconstructed("velocity")
-    laws = UnnamedLaws(search, whole)
+def memberships(search: Search, whole: Fit, beyond: Discrepancy) -> dict[str, Membership]:
+    """Of each effect that was found, beside what is beyond the set."""
+    misfit = beyond.unknown or search.problem.reconstructed("velocity")
+    laws = UnnamedLaws(search, whole, beyond)
     proven = search.proven(whole)  # rows show the sum of both, as one of them would
     added = search.added(whole.terms)
     there = {t: 1.0 if t.id in proven else laws.belief(t, search.without(whole, t)) for t in added}
@@ -247,19 +247,18 @@ def left_over(search: Search, whole: Fit, beyond: Discrepancy) -> float:
     return max(POLICY.surest_in_doubt * _force(search, louder), POLICY.even * _force(search, all_of_it))
 
 
-def nothing_missing(search: Search, options: Sequence[Option]) -> float:
+def nothing_missing(search: Search, options: Sequence[Option], beyond: Discrepancy) -> float:
     """Probability that nothing is missing: effects of a practical size that no block confirms have half at most, as
-    what is left at stops and in creeping has, where nothing is sure.
+    what is left at stops and in creeping has, where nothing is sure, and what a function takes off for certain.
 
-    An effect that cannot be tested keeps the odds that its price says; one that another path explains as well, even
-    ones.
+    An effect that cannot be tested keeps the odds of its price; one that another path explains as well, even ones.
     """
     useful = [o for o in options if search.practical(search.refit, o.fit)]
     prior, untestable = math.exp(-POLICY.effect_price), search.problem.untestable.values()
     untested = sum(1.0 if why == LOOKS_THE_SAME else prior for why in untestable)
     rmse, noise = search.problem.errors.rmse(search.refit), POLICY.floor_factor * search.problem.floor
-    of_u = noise_of_u(search, search.refit)
-    left = 0.0 if of_u else _force(search, math.sqrt(max(rmse**2 - noise**2, 0.0)))
+    squares = max(rmse**2 - noise**2, force_beyond(search, search.refit, beyond, POLICY.floor_factor) ** 2)
+    left = 0.0 if noise_of_u(search, search.refit) else _force(search, math.sqrt(squares))
     likely = 0.5 + 0.5 * probabilities(search, search.refit, useful)[NOTHING]
     return likely * (1.0 - POLICY.even * left) / (1.0 + untested)
 
@@ -272,12 +271,13 @@ def _force(search: Search, left: float) -> float:
 
 def unexplained_of(search: Search, whole: Fit, beyond: Discrepancy, more: float = 0.0) -> Unexplained:
     """What a set leaves. more : probability that more is missing, at the least. Where neither a function of channels
-    nor its size says that something is, what is beyond `floor_factor` times the noise is a force with even odds."""
+    nor its size says that something is, what is beyond `floor_factor` times the noise, or certain, has even odds."""
     share = force_beyond(search, whole, beyond) / max(search.problem.errors.force, 1e-300)
+    likely = POLICY.even * _force(search, force_beyond(search, whole, beyond, POLICY.floor_factor))
     if beyond.unknown or above_floor(search, whole):
-        return Unexplained(share, max(left_over(search, whole, beyond), more), beyond.on if beyond.unknown else ())
-    likely = POLICY.even * _force(search, beyond_noise(search, whole, POLICY.floor_factor))
-    return Unexplained(share, max(likely, more, 1.0 - POLICY.surest))
+        likely = left_over(search, whole, beyond)
+    on = beyond.on if beyond.unknown or beyond.certain else ()
+    return Unexplained(share, max(likely, more, 1.0 - POLICY.surest), on)
 
 
 def lowering_together(search: Search, whole: Fit, before: float) -> set[str]:

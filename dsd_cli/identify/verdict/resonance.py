@@ -73,12 +73,8 @@ class Resonance:
     @property
     def said(self) -> tuple[str, ...]:
         """Why the answer may be another, for people."""
-        found = []
-        if self.rattles:
-            found.append(RATTLES)
-        if not math.isnan(self.line_hz):
-            found.append(LINE.format(hz=self.line_hz, band=self.search.equations.band.hz))
-        return tuple(found)
+        line = LINE.format(hz=self.line_hz, band=self.search.equations.band.hz)
+        return (RATTLES,) * self.rattles + (line,) * (not math.isnan(self.line_hz))
 
 
 def with_response(search: Search, whole: Fit, task: Task, doubtful: bool) -> Resonance:
@@ -104,12 +100,15 @@ def with_response(search: Search, whole: Fit, task: Task, doubtful: bool) -> Res
         return _without_load(unchanged, task)
     if not math.isnan(seen.off):
         return _with_contacts(replace(unchanged, rattles=doubtful), seen, task)
+    balanced = _in_band(seen, search) and not ids.isdisjoint(SHOWN)
+    if balanced and seen.effect in ids and not doubtful:  # what it leaves is noise: no values of it are better
+        return unchanged
     known = replace(settings, known=settings.known.seeing(seen.effect, seen.values, {}))
     values = {name: value for name, (value, _) in seen.values.items()}
     there = model.changed(None, None, {seen.effect: values}) if seen.effect in model.effects else seen.model
     rest = replace(known, effects=tuple(name for name in search.allowed if name not in SHOWN))
     beside, all_of_it = searched(replace(task, model=there, settings=rest))
-    if _in_band(seen, search) and not ids.isdisjoint(SHOWN) and not _better(unchanged, beside, all_of_it):
+    if balanced and not _better(unchanged, beside, all_of_it):
         return unchanged
     if seen.effect in model.effects:
         return Resonance(beside, all_of_it, known, None)

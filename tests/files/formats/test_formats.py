@@ -132,7 +132,15 @@ def test_an_archive_of_numpy_of_a_version_that_there_is_not_is_one_line(tmp_path
 
 
 @pytest.mark.parametrize(
-    ("said", "step"), [({"dt": 2e-3}, 2e-3), ({"dt": 2e-3, "Ts": 1e-3}, None), ({"K": 2e-3}, None)]
+    ("said", "step"),
+    [
+        ({"dt": 2e-3}, 2e-3),
+        ({"dt": 2e-3, "Ts": 1e-3}, None),
+        ({"K": 2e-3}, None),
+        ({"fs": 500}, 2e-3),
+        ({"sampling_rate": 500.0, "dt": 2e-3}, 2e-3),
+        ({"fs": 0}, None),
+    ],
 )
 def test_a_number_in_an_archive_of_numpy_says_how_far_rows_are_apart(said, step, tmp_path: Path) -> None:
     np.savez(tmp_path / "log.npz", q=np.arange(60.0), tau=np.ones(60), **said)
@@ -232,6 +240,59 @@ def test_a_wide_matrix_has_its_signals_in_its_rows(tmp_path: Path) -> None:
     channels = {one.name: one.values for table in sample(str(tmp_path / "log.mat")).tables for one in table.channels}
     for k in range(3):
         assert np.array_equal(channels[f"X/{k + 1}"], wide[k])
+
+
+@pytest.mark.parametrize("turned", [True, False])
+def test_a_result_of_modelica_has_its_variables_by_their_names(turned: bool, tmp_path: Path) -> None:
+    """By the manual of Dymola: texts as matrices of letters, `dataInfo` with matrix and column, below 0 a negative."""
+    names, said = ["Time", "J", "arm.w", "load.w"], ["in [s]", "[kg.m2]", "speed [rad/s|rpm]", "the other way"]
+    texts = {key: np.array([[*f"{one:20}"] for one in of]) for key, of in (("name", names), ("description", said))}
+    info = np.array([[0, 1, 0, -1], [1, 2, 0, -1], [2, 2, 0, -1], [2, -2, 0, -1]])
+    whole = texts | {"dataInfo": info, "data_1": np.ones((2, 2)), "data_2": np.arange(60.0).reshape(30, 2)}
+    whole = {key: value.T if turned else value for key, value in whole.items()}
+    whole |= {key: np.array(["".join(row) for row in whole[key]]) for key in texts}
+    kind = np.array([f"{one:11}" for one in ("Atrajectory", "1.1", "", "binTrans" if turned else "binNormal")])
+    savemat(tmp_path / "a.mat", {"Aclass": kind, **whole}, format="4")
+    expected = {"Time": ("s", [0.0, 2.0]), "arm.w": ("rad/s", [1.0, 3.0]), "load.w": ("", [-1.0, -3.0])}
+    assert channels_in(tmp_path / "a.mat") == expected
+
+
+def channels_in(path: Path) -> dict[str, tuple[str, list[float]]]:
+    """Name -> unit, first values."""
+    tables = sample(str(path)).tables
+    return {one.name: (one.unit, [*one.values[:2]]) for table in tables for one in table.channels}
+
+
+def test_a_matrix_of_hdf5_whose_columns_have_names_and_units(tmp_path: Path) -> None:
+    """As a text for each column in its attributes; one of them for all columns is no name."""
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "a.h5", "w") as file:
+        data = file.create_dataset("log", data=np.arange(90.0).reshape(30, 3))
+        data.attrs["columns"], data.attrs["units"] = ["t", "tau", "q"], ["s", "Nm", "rad"]
+        other = file.create_dataset("raw", data=np.arange(90.0).reshape(30, 3))
+        other.attrs["columns"], other.attrs["unit"] = "all", "V"
+    names = {"log/t": ("s", [0.0, 3.0]), "log/tau": ("Nm", [1.0, 4.0]), "log/q": ("rad", [2.0, 5.0])}
+    assert channels_in(tmp_path / "a.h5") == names | {f"raw/{k + 1}": ("V", [k, k + 3.0]) for k in range(3)}
+
+
+def test_channels_of_json_that_say_their_names_and_a_rate(tmp_path: Path) -> None:
+    channels = [{"name": "Torque", "unit": "Nm", "data": [0.5] * 99}, {"name": "q", "data": [0.25] * 99}]
+    (tmp_path / "a.json").write_text(json.dumps({"fs": 500, "channels": channels}))
+    assert [*channels_in(tmp_path / "a.json")] == ["channels/Torque [Nm]", "channels/q"]
+    assert sample(str(tmp_path / "a.json")).sample_time == 0.002
+
+
+@pytest.mark.parametrize("place", [0, 1, 2])
+def test_of_arrays_of_more_dimensions_the_longest_is_time(place: int, tmp_path: Path) -> None:
+    """Samples, robots and joints, in whatever order; Simulink has samples of one signal as 1 x 1 x N."""
+    told = np.arange(2000.0)[:, None, None] + np.array([[10.0, 20.0, 30.0], [40.0, 50.0, 60.0]])
+    np.savez(
+        tmp_path / "a.npz", q=np.moveaxis(told, 0, place), u=told[None, None, :, 0, 0], picture=np.ones((70, 64, 64))
+    )
+    channels = {one.name: one.values for table in sample(str(tmp_path / "a.npz")).tables for one in table.channels}
+    assert [*channels] == [*(f"q/{i}/{j}" for i in (1, 2) for j in (1, 2, 3)), "u"]
+    assert np.array_equal(channels["q/2/3"], told[:, 1, 2])
+    assert np.array_equal(channels["u"], told[:, 0, 0])
 
 
 def test_a_mat_file_of_version_4_from_a_machine_of_the_other_byte_order(tmp_path: Path) -> None:
