@@ -17,7 +17,9 @@ from dsd_cli.signals.log import Log
 STEP, PARTS = 1e-2, 40
 
 
-def _driven(speed: np.ndarray, inertia: float, level: float, damping: float, count: float, rate: float):
+def _driven(
+    speed: np.ndarray, inertia: float, level: float, damping: float, count: float, rate: float, load: float = 0.0
+):
     """Log of an axis that truly sticks (Moreau's time stepping), in a loop with an integrator, u a sample late."""
     place, h = np.cumsum(speed) * STEP, STEP / PARTS
     kp, kd, ki = inertia * rate**2, 1.6 * inertia * rate, 0.1 * inertia * rate**3
@@ -30,7 +32,7 @@ def _driven(speed: np.ndarray, inertia: float, level: float, damping: float, cou
         u = kp * (target - seen) + kd * (wanted - slow) + total
         rows.append((u, seen))
         for _ in range(PARTS):
-            free = v + h * (late - damping * v) / inertia
+            free = v + h * (late + load - damping * v) / inertia
             now = 0.0 if abs(free) <= h * level / inertia else free - np.sign(free) * h * level / inertia
             q, v = q + 0.5 * h * (v + now), now
         late = u
@@ -52,10 +54,10 @@ def _answer(log: Log, model: PlantModel):
     return diagnose([prepare(log, observer)], model, observer, Settings(linear=True))
 
 
-def _pump(seed: int, rate: float) -> Log:
+def _pump(seed: int, rate: float, load: float = 0.0) -> Log:
     """One way, with rests; 300 of Coulomb and 4e4 of viscous friction."""
     strokes = np.column_stack([np.random.default_rng(seed).uniform(0.4, 3.0, 5), np.zeros(5)])
-    return _driven(1e-3 * _held([0.0, *strokes.ravel()], 1.5, 20.0), 3000.0, 300.0, 4e4, 5e-7, rate)
+    return _driven(1e-3 * _held([0.0, *strokes.ravel()], 1.5, 20.0), 3000.0, 300.0, 4e4, 5e-7, rate, load)
 
 
 def test_a_complete_model_leaves_the_noise_and_no_less() -> None:
@@ -72,6 +74,29 @@ def test_a_complete_model_leaves_the_noise_and_no_less() -> None:
 def test_a_pump_that_rests_between_its_strokes_has_no_load_in_place_of_its_friction(known: bool) -> None:
     effects = {"coulomb_friction": {"level": 300.0}} if known else {"viscous_friction": {"coefficient": 4e4}}
     found = _answer(_pump(640202, 17.0), PlantModel(3000.0, STEP, effects))
-    missing = {one.effect for one in found.missing}
+    missing = {one.effect for one in found.missing if one.probability >= 0.5}
     assert missing == {"viscous_friction" if known else "coulomb_friction"}
     assert found.estimates["coulomb_friction.level"].value == pytest.approx(300.0, rel=0.01)
+
+
+def _of_pump(load: float):
+    """(effect -> probability, answer) of a pump with a load and neither in the model."""
+    found = _answer(_pump(640202, 17.0, load), PlantModel(3000.0, STEP, {"viscous_friction": {"coefficient": 4e4}}))
+    return {one.effect: one.probability for one in found.missing}, found
+
+
+def test_a_load_against_the_only_way_may_be_a_part_of_the_friction_that_rests_do_not_prove() -> None:
+    """Moving, friction and load are one force, 300 + 500; a rest shows as much friction as it takes, and no more."""
+    missing, found = _of_pump(-500.0)
+    level = found.estimates["coulomb_friction.level"]
+    assert level.value == pytest.approx(800.0, rel=0.01)
+    assert 250.0 < level.value - np.sqrt(3.0) * level.std_error < 315.0  # what holds it at rest
+    named = next(c for c in found.ranking if c.effect == "coulomb_friction")
+    assert "constant_load" in named.indistinguishable_from
+    assert 0.0 < missing["constant_load"] < 0.5 < missing["coulomb_friction"]
+
+
+def test_a_load_that_drives_the_only_way_is_named_beside_the_friction_that_holds_it() -> None:
+    missing, found = _of_pump(900.0)
+    assert min(missing["constant_load"], missing["coulomb_friction"]) > 0.9
+    assert found.estimates["coulomb_friction.level"].value == pytest.approx(300.0, rel=0.05)

@@ -8,13 +8,14 @@ from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, Term, has_friction
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
 from dsd_cli.identify.fit.noise import ForceNoise, fitted_noise, passed_variance, white_to_the_end, whitening
-from dsd_cli.identify.fit.row_weights import inflation, weighed
+from dsd_cli.identify.fit.row_weights import inflation, still_rows, weighed
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.values import Scale, coefficients_of, terms_of, whole_inertia
 from dsd_cli.identify.policy import POLICY
@@ -84,6 +85,18 @@ class Errors:
     def rmse(self, fit: Fit) -> float:
         """Held-out root mean square of the forward form, unit of u; to compare fits with."""
         return _rms(self.residual(fit)[self._keep])
+
+    @once
+    def at_rest(self, fit: Fit) -> float:
+        """Root mean square of the same where the axis rests, which nothing but friction or a memory holds there unless
+        all forces balance; 0 with either, or without rests."""
+        if has_friction(fit.terms) or any(t.effect.memory for t in fit.terms) or not (still := self._still).any():
+            return 0.0
+        return _rms(mixed(self.bank.rows(fit.terms, fit.tap), fit.forward)[still])
+
+    @cached_property
+    def _still(self) -> NDArray[np.bool_]:
+        return still_rows(self.equations)
 
     def of_model(self, model: PlantModel) -> Score:
         """Of a model whose values no fit of these recordings chose."""

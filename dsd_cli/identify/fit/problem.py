@@ -116,9 +116,9 @@ class Problem:
         return self.errors.of_fit(fit, self.scale)
 
     @once
-    def values(self, fit: Fit, returned: bool = True, as_found: bool = False) -> Fitted:
-        """Values of a fit with standard errors, from rows where friction's direction is sure; `returned` : these count
-        noise that came back through a controller, `as_found` : shapes stay. What is left beyond noise is correlated."""
+    def values(self, fit: Fit, returned: bool = True, as_found: bool = False, rests: bool = True) -> Fitted:
+        """Values of a fit with errors, from rows where friction's direction is sure: these count what is left as
+        correlated, noise `returned` by a controller, what `rests` leave open; `as_found` : shapes stay."""
         found, known = at_least_squares(weighed(fit, self.solver, self.errors.bank), as_found)
         known = known if returned else replace(known, returned=0.0)
         left, noise = found.variance, self._noise_in(found)
@@ -126,7 +126,7 @@ class Problem:
         floor = left * inflation(found.residual) + beyond * POLICY.correlated_rows
         fitted = fitted_values(found.fit, found.solver, self.scale, floor, known, complete=beyond == 0.0)
         zero = not self.reconstructed("position")
-        return told_by(self.errors.bank, fitted, self.beside, self.solver.known, zero=zero)
+        return told_by(self.errors.bank, fitted, self.beside, self.solver.known, zero=zero, rests=rests)
 
     def _noise_in(self, found: Weighed) -> float:
         """Variance of a whitened row that no function of single channels explains, in the rows that this fit trusts."""

@@ -5,6 +5,7 @@ they leave, as generalised least squares does with rows of two variances.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -196,21 +197,32 @@ def uncertain(equations: Equations, creeping: bool = True, resting: bool = True)
     `creeping` is, where the axis creeps for a row or longer, of whatever sensor: before it breaks away, friction is
     what holds it, anything between its levels to either side. A turn only passes through such speeds.
     """
-    shares = []
-    for s, owner, begin in zip(equations.stretches, equations.owners, equations.begins, strict=True):
-        band, white = equations.bands[owner], np.abs(equations.whitening[owner])
-        taps, a_row = np.abs(band.taps), 2 * band.step + 1
-        band = replace(band, taps=taps / taps.sum())
-        doubt = ~s.surely_sliding
+    doubts = []
+    for s, band in zip(equations.stretches, equations.bands_of_stretches, strict=True):
+        doubt, a_row = ~s.surely_sliding, 2 * band.step + 1
         if creeping:
             doubt |= slow_spells(s.log["velocity"], POLICY.presliding_share, a_row)
         doubt &= resting | (s.free > 0.0)
         halo = np.isfinite(s.log["turning"])
         if min((end - start for start, end in runs(halo)), default=0) <= a_row:
             doubt |= halo
-        reach = len(white) // 2
-        rows = np.pad(band.rows(doubt.astype(np.float64), begin), reach, mode="edge")
-        shares.append(np.convolve(rows, white / white.sum(), mode="valid"))
+        doubts.append(doubt)
+    return _weight_on(equations, doubts)
+
+
+def still_rows(equations: Equations) -> NDArray[np.bool_]:
+    """Rows, shape (N,), all through which the axis rests."""
+    return np.asarray(_weight_on(equations, [s.free > 0.0 for s in equations.stretches]) <= POLICY.unsure_share)
+
+
+def _weight_on(equations: Equations, samples: Sequence[NDArray[np.bool_]]) -> Array:
+    """Share of each whitened row's weight on some samples of every stretch, shape (N,)."""
+    shares = []
+    for x, owner, begin in zip(samples, equations.owners, equations.begins, strict=True):
+        band, white = equations.bands[owner], np.abs(equations.whitening[owner])
+        taps, reach = np.abs(band.taps), len(white) // 2
+        rows = replace(band, taps=taps / taps.sum()).rows(x.astype(np.float64), begin)
+        shares.append(np.convolve(np.pad(rows, reach, mode="edge"), white / white.sum(), mode="valid"))
     return np.concatenate(shares)
 
 

@@ -13,6 +13,7 @@ from dsd_cli.errors import DataError, TooShort
 from dsd_cli.identify.fit.bank import INERTIA as OF_INERTIA
 from dsd_cli.identify.fit.bank import Bank, Terms
 from dsd_cli.identify.fit.blocks import condensed
+from dsd_cli.identify.fit.direction import as_rests_allow
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.values import Fitted
@@ -147,17 +148,20 @@ def _moves(equations: Equations) -> bool:
     return False
 
 
-def told_by(bank: Bank, fitted: Fitted, beside: Terms, known: PriorKnowledge, *, zero: bool) -> Fitted:
+def told_by(
+    bank: Bank, fitted: Fitted, beside: Terms, known: PriorKnowledge, *, zero: bool, rests: bool = True
+) -> Fitted:
     """Values without the error of those that the rows do not identify, whatever they scatter by.
 
     bank : of rows in the unit of u. beside : effects that the log may hold as well. zero : whether that of the position
-    is known.
+    is known. rests : whether errors have what they leave open.
     """
     fitted = fitted if zero else _without_zero(fitted, fitted.fit.terms, known)
     open_ = _not_identified(bank, fitted, beside) if INERTIA not in known.names else []
     of_open = {n: e for n, e in fitted.estimates.items() if n.partition(".")[0] in open_}
     unknown = {n: replace(e, std_error=math.nan, grade="not") for n, e in of_open.items()}
-    return replace(fitted, estimates={**fitted.estimates, **unknown})
+    told = replace(fitted, estimates={**fitted.estimates, **unknown})
+    return as_rests_allow(bank, told, beside) if rests else told
 
 
 def _not_identified(bank: Bank, fitted: Fitted, beside: Terms) -> list[str]:

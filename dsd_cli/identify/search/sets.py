@@ -12,7 +12,7 @@ import numpy as np
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import Term, Terms, has_friction
-from dsd_cli.identify.fit.direction import best_delay
+from dsd_cli.identify.fit.direction import LOAD, OneWay, best_delay, one_way
 from dsd_cli.identify.fit.estimates import averaged
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import Fitted, flat
@@ -115,7 +115,8 @@ class Search(Evidence):
         Over a small travel a spring, a cubic one and a weight differ by less than matters: one is left out, the others
         take its place, and their own standard errors know nothing of that.
         """
-        found, options, scale = self.problem.values(whole), self.options(whole), self.problem.scale
+        found, scale = self.problem.values(whole), self.problem.scale
+        options = [o for o in self.options(whole) if o.effect != LOAD or self.one_way(whole) is None]
         if not options:
             return found
         here, leads = flat(scale.model(whole)), np.array([self.lead(whole, o.fit) for o in options])
@@ -124,6 +125,23 @@ class Search(Evidence):
         odds = np.exp(np.minimum(leads, _SURE))
         known, together = averaged(found.estimates, odds, moves, self.equations.sample_time)
         return replace(found, estimates=known, correlations=together)
+
+    @once
+    def one_way(self, fit: Fit) -> OneWay | None:
+        """What moves one way leave open between the dry friction of a set and a load; None where they leave nothing."""
+        return one_way(self.problem.errors.bank, fit)
+
+    def proven(self, whole: Fit) -> list[str]:
+        """Of a set with both those that are there, whatever their values."""
+        found = self.one_way(whole)
+        return found.proven(self.problem.least_of_use(whole)) if found is not None and found.both else []
+
+    def left_open(self, whole: Fit) -> tuple[str, ...]:
+        """A load that is one column with the dry friction of a set, and may be a part of it that is of use."""
+        found = self.one_way(whole)
+        if found is None or found.both or LOAD not in self.allowed:
+            return ()
+        return (LOAD,) if found.open > self.problem.least_of_use(whole) else ()
 
     def challenger(self, rest: Fit, member: str, own: float) -> Option | None:
         """The best replacement of a member that gains `own`, by evidence; None if no candidate comes near it."""

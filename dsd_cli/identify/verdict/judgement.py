@@ -28,6 +28,7 @@ from dsd_cli.identify.verdict.limits import Limits, advice_for
 from dsd_cli.identify.verdict.own_values import ParameterCheck
 from dsd_cli.identify.verdict.probability import (
     Membership,
+    hidden_in_friction,
     left_over,
     lowering_together,
     missing_of,
@@ -68,7 +69,8 @@ class Verdict:
         self.named, self.sure = self.verdict()
         most = min(self.surest, POLICY.even if self.named == UNKNOWN else 1.0)
         self.missing = missing_of(members, most, dict.fromkeys((self.named, *self._named_for.values()), self.sure))
-        self.missing += perhaps_missing(search, whole, limits) if self.named in members and not beyond.unknown else ()
+        if self.named in members and not beyond.unknown:
+            self.missing += perhaps_missing(search, whole, limits) or hidden_in_friction(search, whole, members)
         if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
             fit = search.converged(self.alone[self.named].fit)
             self.alone[self.named] = Option(self.named, fit, search.evidence(fit))

@@ -76,7 +76,7 @@ def _fitted_values(search: Search) -> ParameterCheck:
     score, refitted = problem.errors.of_model(problem.model), problem.score(refit)
     believed, said = _at_the_logs_zero(search)
     given = problem.errors.of_model(believed) if said else score
-    fitted = problem.values(refit, returned=not _beyond_noise(search, believed))
+    fitted = problem.values(refit, returned=not _beyond_noise(search, believed), rests=False)
     values = fitted.estimates
     free = [name for name in (INERTIA, DELAY) if not values[name].held]
     alone = (_alone(search, believed, name, given, values[name]) for name in free)

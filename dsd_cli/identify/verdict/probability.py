@@ -15,6 +15,7 @@ import numpy as np
 
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import has_friction
+from dsd_cli.identify.fit.direction import DRY
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
@@ -78,7 +79,9 @@ def memberships(search: Search, whole: Fit, beyond: Discrepancy) -> dict[str, Me
     """Of each effect that was found, beside what is beyond the set."""
     misfit = beyond.unknown or search.problem.reconstructed("velocity")
     laws = UnnamedLaws(search, whole, beyond)
-    there = {t: laws.belief(t, search.without(whole, t)) for t in search.added(whole.terms)}
+    proven = search.proven(whole)  # rows show the sum of both, as one of them would
+    added = search.added(whole.terms)
+    there = {t: 1.0 if t.id in proven else laws.belief(t, search.without(whole, t)) for t in added}
     return {
         t.id: replace(membership(search, whole, t.id, misfit), there=likely, imitates=laws.imitates(t, likely))
         for t, likely in there.items()
@@ -94,7 +97,9 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     plain = search.problem.errors
     member = next(t for t in whole.terms if t.id == effect_id)
     rest = search.without(whole, member)
-    options = [o for o in search.options(rest) if o.effect != effect_id]
+    most = POLICY.rival_error * math.hypot(plain.rmse(whole), plain.at_rest(whole))
+    # rests are no rows beside friction: what does not hold the axis there is not in its place, however well it moves it
+    options = [o for o in search.options(rest) if o.effect != effect_id and plain.at_rest(o.fit) <= most]
     own = Option(effect_id, whole, search.evidence(whole))
     worth = plain.rmse(rest) ** 2 - plain.rmse(whole) ** 2
 
@@ -124,9 +129,11 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     tied = instead if instead and rivals(Option(effect_id, instead, search.evidence(instead))) else rest
     together = tied.terms[len(rest.terms) :]
     one_by_one = (o.effect for o in (*as_well, *filter(rivals, options), *at_place))
-    found = dict.fromkeys((*one_by_one, *(t.id for t in together)))
+    beside = search.left_open(whole) if effect_id == DRY else ()
+    found = dict.fromkeys((*one_by_one, *(t.id for t in together), *beside))
     estimates = search.values(whole).estimates
-    surest = POLICY.even if as_push or afloat or together or not is_told(effect_id, estimates) else 1.0
+    told = is_told(effect_id, estimates) or effect_id in search.proven(whole)
+    surest = POLICY.even if as_push or afloat or together or not told else 1.0
     shares = probabilities(search, rest, [own, *options])
     return Membership(effect_id, shares, tuple(found), tuple(o.effect for o in named), surest=surest)
 
@@ -227,6 +234,11 @@ def perhaps_missing(search: Search, whole: Fit, limits: Limits) -> tuple[Missing
     likely = probabilities(search, whole, useful) if useful else {}
     open_ = [o for o in useful if min(likely[o.effect], surest_of(search, o.fit, limits)) >= POLICY.even]
     return tuple(Missing(o.effect, POLICY.even) for o in open_ if search.lead(whole, o.fit) < POLICY.least_gain)
+
+
+def hidden_in_friction(search: Search, whole: Fit, members: Mapping[str, Membership]) -> tuple[Missing, ...]:
+    """The load that may be a part of a dry friction, for all that moves one way and rests show."""
+    return tuple(Missing(n, members[DRY].drawn(n)) for n in search.left_open(whole)) if DRY in members else ()
 
 
 def left_over(search: Search, whole: Fit, beyond: Discrepancy) -> float:
