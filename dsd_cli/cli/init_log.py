@@ -193,11 +193,9 @@ def _read(
         stamps = finite_stamps(names["t"], chosen.table)
         lasts = float(np.ptp(stamps)) if stamps.size else math.inf
         unit = time_unit_of(step, float(first["t"][0]), lasts)
-        if unit_of_dates(step, float(first["t"][0])):
-            out.said.append(f'time_unit = "{unit}": the stamps are dates of our days')
-        else:
-            other = "; if it is another: --set signals.time_unit=UNIT"
-            out.said.append(f"time_unit: not said; steps of {step:g} are taken as {unit}{other}")
+        dates = unit_of_dates(step, float(first["t"][0])) != ""
+        why = f'"{unit}": the stamps are dates then' if dates else f"not said; steps of {step:g} are taken as {unit}"
+        out.said.append(f"time_unit: {why}; if it is another: --set signals.time_unit=UNIT")
     out.put("signals", "time_unit", unit)
     apart = load_log(path, names, most_rows=ROWS, layout=layout).log.sample_time if chosen.clock else sample_time
     counted = 1.0 if is_open(out, "position") else factors_of(out).get("position", 1.0)

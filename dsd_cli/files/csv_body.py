@@ -75,7 +75,8 @@ def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) 
             start = _start(lines, delimiter, width, numeric, by_label=not _filled(alike, 0))
             if start is not None:
                 first, start = start, start + are_of_counts(lines[start:], delimiter, width)
-                of_rows = _filled(alike, width - 1) > 0.5 and _is_counted([row[0].strip(' "') for row in alike])
+                ends = numeric[-1] == width - 1 or (delimiter == " " and _filled(alike, width - 1) > 0.5)  # R's words
+                of_rows = ends and _is_counted([row[0].strip(' "') for row in alike])
                 below = [row for row in alike if is_data(row, width, numeric)]
                 rising = tuple(k for k in numeric if _rises([row[k].strip(' "') for row in below]))
                 best = score, Body(delimiter, width, numeric, start, of_rows, rising, first if start > first else -1)

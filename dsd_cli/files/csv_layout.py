@@ -67,7 +67,7 @@ def look(source: str, lines: Sequence[str], layout: CsvLayout) -> Found:
         header, skip = find_header(source, lines)
     except DataError:
         return find_layout(source, lines, layout)
-    rows = [row for row in _rows(lines, header.delimiter, skip, len(lines)) if not row.comment or _units_of(row, body)]
+    rows = [row for row in _rows(lines, header.delimiter, skip) if not row.comment or _units_of(row, body)]
     plain = body.delimiter == header.delimiter and body.fields == len(header.names) and body.factors < 0
     above = [header.names, *(row.cells for row in rows if row.at < body.start)]
     plain = plain and not any(map(kind_of, above)) and _of_pairs(header.names, body) == header.names
@@ -96,9 +96,10 @@ def _goes_on(names: Sequence[str], below: Sequence[Row], body: Body) -> bool:
 _COMMENTED = "the comment in line {} is taken as the header"
 
 
-def _rows(lines: Sequence[str], delimiter: str, start: int, stop: int) -> list[Row]:
-    """The lines from `start` to before `stop` in which something stands."""
-    of_lines = ((at, is_comment(line), line) for at, line in closed(lines, start, stop) if line.strip())
+def _rows(lines: Sequence[str], delimiter: str, start: int, stop: int | None = None) -> list[Row]:
+    """The lines of a header, from `start` to before `stop`, in which something stands; None: those of a body."""
+    each = [*enumerate(lines)][start:] if stop is None else closed(lines, start, stop)
+    of_lines = ((at, is_comment(line), line) for at, line in each if line.strip())
     said = ((at, comment, uncommented(line) if comment else line) for at, comment, line in of_lines)
     return [Row(at, fields_of(line, delimiter), comment) for at, comment, line in said if line]
 

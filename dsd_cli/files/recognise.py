@@ -277,7 +277,8 @@ def _score(channel: str, column: str) -> float:
         score = 0.8 * _word_score(channel, sorted(around & set(WORDS[channel])), "")
     if score == 0.0 or (asked and channel in ("velocity", "position", "d_hat", "time")):
         return 0.0
-    return score - 0.3 * (asked or (channel == "u" and bool(set(words) & OUTER))) + 0.2 * bool(set(words) & MEASURED)
+    outer = channel == "u" and bool(set(words) & OUTER)  # not even what was commanded
+    return score - 0.3 * asked - 0.4 * outer + 0.2 * bool(set(words) & MEASURED)
 
 
 def _word_score(channel: str, words: Sequence[str], joined: str) -> float:

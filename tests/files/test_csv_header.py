@@ -304,6 +304,17 @@ def test_a_byte_far_below_that_windows_has_not_is_one_of_latin(tmp_path: Path) -
     assert len(peeked["u [‰]"]) > 20000
 
 
+def test_a_word_that_has_no_name_is_the_last_column_where_the_first_has_its_own() -> None:
+    """A drive numbers its rows under `step`, and ends them with a word: the names are those of the columns above."""
+    found = seen("step,torque,velocity,position", *(f"{k},{row.partition(',')[2]},OK" for k, row in enumerate(ROWS)))
+    assert found.header.names[:4] == ["step", "torque", "velocity", "position"]
+
+
+def test_a_cell_of_the_first_row_over_two_lines_is_data() -> None:
+    found = seen("t,u,q,note", '0.0,0.5,0.1,"slow', 'run"', *(f"{k},{k / 8},{k / 9},x" for k in range(1, 12)))
+    assert (found.header.names, found.skip) == (["t", "u", "q", "note"], 1)
+
+
 def test_a_cell_of_a_header_may_go_over_lines() -> None:
     """A spreadsheet writes a unit below a name so; a mark of inches within a text opens nothing."""
     found = seen(

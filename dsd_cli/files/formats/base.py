@@ -122,19 +122,26 @@ def check_size(path: str, size: float) -> None:
 FEWEST = 20
 #: What a single number is called that is the s between samples: as in an iddata, in what a simulator was set to.
 _SAMPLE_TIMES = {"ts", "dt", "sampletime", "sample_time", "tsample", "timestep", "time_step"}
-#: And their number in a second.
-_RATES = {f"{word}{_}{of}" for word in ("sample", "sampling") for _ in ("", "_") for of in ("rate", "frequency")} | {
-    "fs"
-}
+#: And their number in a second; as `fs` at least this, and not beside what else is called so: static friction.
+_RATES = {f"{word}{_}{of}" for word in ("sample", "sampling") for _ in ("", "_") for of in ("rate", "frequency")}
+_SHORT_RATE, _SLOWEST_SHORT, _OF_FRICTION = "fs", 50.0, {"fc", "fv", "vs"}
 
 
-def sample_times_said(name: str, value: Any) -> set[float]:
-    """The s between samples that a single number beside channels says, or what they are in a second: one, or none."""
-    if isinstance(value, bool) or not isinstance(value, int | float) or not value > 0.0:
-        return set()
-    called = name.lower()
-    step = float(value) if called in _SAMPLE_TIMES else round(1.0 / value, 12) if called in _RATES else math.nan
-    return {step} if FASTEST <= step <= SLOWEST else set()
+def sample_times_said(values: Mapping[str, Any]) -> set[float]:
+    """s between samples that single numbers beside channels say, or how many are in a second."""
+    found, called = set[float](), {str(name).lower() for name in values}
+    for name, value in ((str(name).lower(), value) for name, value in values.items()):
+        if isinstance(value, bool) or not isinstance(value, int | float) or not 0.0 < value <= 1.0 / FASTEST:
+            continue
+        rate = name in _RATES or (name == _SHORT_RATE and value >= _SLOWEST_SHORT and called.isdisjoint(_OF_FRICTION))
+        step = float(value) if name in _SAMPLE_TIMES else 1.0 / value if rate else math.nan
+        found |= {step} if FASTEST <= step <= SLOWEST else set()
+    return found
+
+
+def only_one(said: set[float]) -> float | None:
+    """The number that all say, a rounded rate beside its step, too; None where they differ, or there is none."""
+    return min(said) if said and max(said) - min(said) < 1e-6 * min(said) else None
 
 
 def lies_in_rows(shape: tuple[int, ...]) -> bool:

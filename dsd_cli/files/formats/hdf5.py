@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dsd_cli.files.csv_cells import is_number
 from dsd_cli.files.formats.base import MOST_COLUMNS, Group, lies_in_rows, numbers
 from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, not_seen, object_channels
 from dsd_cli.signals.log import Array
@@ -85,7 +86,7 @@ class _Place:
     def __init__(self, item: Any, along: int, at: int | None = None, part: str | None = None) -> None:
         self._item, self._along, self._at, self._part = item, along, at, part
         self.rows = item.shape[along]
-        self.unit = _said(item, UNITS, at)
+        self.unit = _said(item, UNITS, at, item.shape[1 - along] if item.ndim > 1 else 1)
 
     def read(self, start: int, stop: int) -> Array:
         rows = slice(start, stop)
@@ -116,21 +117,19 @@ def _places(path: str, item: Any, matlab: bool) -> dict[str, _Place]:
     along = 1 if matlab != lies_in_rows(item.shape[::-1] if matlab else item.shape) else 0
     if item.shape[1 - along] > MOST_COLUMNS:
         return {}
-    named = {k: _said(item, NAMES, k) or str(k + 1) for k in range(item.shape[1 - along])}
-    if len(set(named.values())) < len(named) or any("/" in name for name in named.values()):
+    named = {k: _said(item, NAMES, k, item.shape[1 - along]) or str(k + 1) for k in range(item.shape[1 - along])}
+    if len(set(named.values())) < len(named) or any("/" in name or is_number(name) for name in named.values()):
         named = {k: str(k + 1) for k in named}
     return {f"{path}/{name}": _Place(item, along, k) for k, name in named.items()}
 
 
-def _said(item: Any, keys: Sequence[str], at: int | None) -> str:
+def _said(item: Any, keys: Sequence[str], at: int | None, columns: int) -> str:
     """What the first of these attributes says of a dataset, or of its column `at` where it has a text for each."""
     attributes = getattr(item, "attrs", {})  # an array in memory has none
     value = next((attributes[key] for key in keys if key in attributes), "")
-    if np.ndim(value) == 0 or np.size(value) == 1:
+    if np.ndim(value) == 0 or (np.size(value) == columns == 1):
         return "" if keys is NAMES else _text(np.ravel(value)[0])
-    if at is None or np.ndim(value) != 1 or at >= len(value) or len(value) not in item.shape:
-        return ""
-    return _text(value[at])
+    return _text(value[at]) if at is not None and np.shape(value) == (columns,) else ""
 
 
 def _text(value: Any) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 from dsd_cli.errors import DataError
 from dsd_cli.files.content import text_of
 from dsd_cli.files.csv_cells import stamps_in
-from dsd_cli.files.formats.base import FEWEST, InMemory, check_size, sample_times_said
+from dsd_cli.files.formats.base import FEWEST, InMemory, check_size, only_one, sample_times_said
 from dsd_cli.files.formats.long_form import form_by_texts, turned
 from dsd_cli.files.formats.messages import LONGEST_ARRAY, fields
 from dsd_cli.signals.log import Array
@@ -34,6 +34,7 @@ SYSID = {
 SYSID_UNITS = {"meters": "m", "rotations": "turn", "radians": "rad", "degrees": "deg", "inches": "in", "feet": "ft"}
 #: Keys of what a channel says of itself.
 _NAMES, _UNITS = ("name", "label", "signal", "channel"), ("unit", "units")
+_SAMPLES = ("data", "values", "samples", "y")
 #: What the part of a document is called in which it speaks of itself.
 _OF_ITSELF = {"metadata", "meta", "header", "info", "attributes", "config", "settings", "simulation"}
 #: Rows have no more numbers.
@@ -57,7 +58,7 @@ class JsonFile(InMemory):
             channels |= {f"{name}/{column}" if name else column: values for column, values in table.items()}
         super().__init__(channels, units=_units(document, list(channels)) if isinstance(document, Mapping) else {})
         said = _sample_times(document)
-        self.sample_time = said.pop() if len(said) == 1 else None
+        self.sample_time = only_one(said)
         if joined:
             parts = sum(table.keys() == joined.keys() for table in found.values())
             self.notes.append(f"{parts} tests with the same columns are read one after the other")
@@ -112,7 +113,7 @@ def _called(value: Any) -> Any:
         return value
     found: dict[str, Any] = {}
     for one in value:
-        samples = [part for part in one.values() if isinstance(part, list) and _numbers(part) is not None]
+        samples = [one[key] for key in _SAMPLES if isinstance(one.get(key), list) and _numbers(one[key]) is not None]
         name = next((one[key] for key in _NAMES if isinstance(one.get(key), str)), "")
         unit = next((one[key] for key in _UNITS if isinstance(one.get(key), str)), "")
         if not name or len(samples) != 1 or len(samples[0]) <= LONGEST_ARRAY:
@@ -197,7 +198,7 @@ def _sample_times(document: Any) -> set[float]:
     while left:
         one = left.pop()
         if isinstance(one, Mapping):
-            said |= {step for key, value in one.items() for step in sample_times_said(str(key), value)}
+            said |= sample_times_said(one)
             left += [value for key, value in one.items() if str(key).lower() in _OF_ITSELF or _has_samples(value)]
     return said
 

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.files.formats.base import FEWEST, InMemory, check_size, columns_of, sample_times_said
+from dsd_cli.files.formats.base import FEWEST, InMemory, check_size, columns_of, only_one, sample_times_said
 from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, not_seen, object_channels
 from dsd_cli.signals.log import Array
 
@@ -98,31 +98,34 @@ def _of_modelica(variables: dict[str, Any]) -> tuple[dict[str, Any], dict[str, s
 
     `dataInfo` says of each in which matrix and column it is, below 0 where that is its negative; all may be turned.
     """
-    if not variables.keys() >= _RESULT:
+    parts: list[Any] = [variables.get(key) for key in ("name", "description", "dataInfo", "data_2")]
+    if not variables.keys() >= _RESULT or [np.ndim(part) for part in parts] != [1, 1, 2, 2]:
         return variables, {}
-    names, said, info, data = (variables[key] for key in ("name", "description", "dataInfo", "data_2"))
-    if "binTrans" in "".join(variables["Aclass"]):
-        names, said = (["".join(letters) for letters in zip(*texts, strict=True)] for texts in (names, said))
+    names, said, info, data = parts
+    if "binTrans" in "".join(variables["Aclass"]):  # letters beside letters; NUL at the end of a row is not read
+        rows = ([str(row).ljust(info.shape[1], "\0") for row in texts] for texts in (names, said))
+        names, said = (["".join(letters) for letters in zip(*texts, strict=False)] for texts in rows)
     else:
         info, data = info.T, data.T
+    changing = [(k, int(at)) for k, (matrix, at) in enumerate(info[:2].T) if matrix in (0, 2)]  # the time, too
+    if not len(names) == len(said) == info.shape[1] or not all(0 < abs(at) <= len(data) for _, at in changing):
+        return variables, {}
     found: dict[str, Any] = {}
     units: dict[str, str] = {}
-    for name, text, matrix, at in zip(map(str.strip, names), said, info[0], info[1], strict=True):
-        if matrix in (0, 2):  # the time, or what changes
-            found[name] = math.copysign(1.0, at) * data[abs(int(at)) - 1]
-            units[name] = text.rpartition("[")[2].rstrip().rstrip("]").partition("|")[0] if "[" in text else ""
+    for k, at in changing:
+        name, text = (str(words[k]).strip(" \0") for words in (names, said))
+        found[name] = math.copysign(1.0, at) * data[abs(at) - 1]
+        units[name] = text.rpartition("[")[2].rstrip().rstrip("]").partition("|")[0] if "[" in text else ""
     return found, units
 
 
 def _sample_time(variables: Mapping[str, Any]) -> float | None:
     """The one that the variables say, or fields of structs with channels: that of a controller is another matter."""
-    said: set[float] = set()
-    for name, value in variables.items():
-        if isinstance(value, Mapping):
-            said |= {inside} if _records(value) and (inside := _sample_time(value)) is not None else set()
-        else:
-            said |= sample_times_said(name, value)
-    return said.pop() if len(said) == 1 else None
+    said = sample_times_said(variables)
+    for value in variables.values():
+        if isinstance(value, Mapping) and _records(value) and (inside := _sample_time(value)) is not None:
+            said.add(inside)
+    return only_one(said)
 
 
 def _records(value: Any) -> bool:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.files.formats.base import InMemory, check_size, columns_of, sample_times_said
+from dsd_cli.files.formats.base import InMemory, check_size, columns_of, only_one, sample_times_said
 from dsd_cli.signals.log import Array
 
 
@@ -16,7 +16,7 @@ class NumpyFile(InMemory):
     def __init__(self, path: str) -> None:
         loaded: Any = np.load(path, allow_pickle=False)
         channels: dict[str, Array] = {}
-        said: set[float] = set()
+        single: dict[str, Any] = {}
         if isinstance(loaded, np.ndarray):
             channels = columns_of("" if loaded.dtype.names else "data", loaded)
         else:
@@ -30,6 +30,6 @@ class NumpyFile(InMemory):
                     except ValueError:  # an array of Python objects
                         skipped.append(name)
                         continue
-                    said |= sample_times_said(name, values.item()) if values.size == 1 else set()
+                    single |= {name: values.item()} if values.size == 1 else {}
         super().__init__(channels)
-        self.sample_time = said.pop() if len(said) == 1 else None
+        self.sample_time = only_one(sample_times_said(single))

@@ -140,6 +140,9 @@ def test_an_archive_of_numpy_of_a_version_that_there_is_not_is_one_line(tmp_path
         ({"fs": 500}, 2e-3),
         ({"sampling_rate": 500.0, "dt": 2e-3}, 2e-3),
         ({"fs": 0}, None),
+        ({"fs": 300, "dt": 1 / 300 + 1e-10}, 1 / 300),
+        ({"Fs": 60.0, "Fc": 45.0}, None),  # friction at rest and in motion
+        ({"fs": 8}, None),  # kHz
     ],
 )
 def test_a_number_in_an_archive_of_numpy_says_how_far_rows_are_apart(said, step, tmp_path: Path) -> None:
@@ -242,17 +245,25 @@ def test_a_wide_matrix_has_its_signals_in_its_rows(tmp_path: Path) -> None:
         assert np.array_equal(channels[f"X/{k + 1}"], wide[k])
 
 
+@pytest.mark.parametrize("fill", [" ", "\0"])
 @pytest.mark.parametrize("turned", [True, False])
-def test_a_result_of_modelica_has_its_variables_by_their_names(turned: bool, tmp_path: Path) -> None:
-    """By the manual of Dymola: texts as matrices of letters, `dataInfo` with matrix and column, below 0 a negative."""
+def test_a_result_of_modelica_has_its_variables_by_their_names(turned: bool, fill: str, tmp_path: Path) -> None:
+    """By the manual of Dymola: texts as matrices of letters, `dataInfo` with matrix and column, below 0 a negative; it
+    fills texts up with blanks, OpenModelica with NUL."""
     names, said = ["Time", "J", "arm.w", "load.w"], ["in [s]", "[kg.m2]", "speed [rad/s|rpm]", "the other way"]
-    texts = {key: np.array([[*f"{one:20}"] for one in of]) for key, of in (("name", names), ("description", said))}
+    texts = {
+        key: np.array([[*f"{one:{fill}<20}"] for one in of]) for key, of in (("name", names), ("description", said))
+    }
     info = np.array([[0, 1, 0, -1], [1, 2, 0, -1], [2, 2, 0, -1], [2, -2, 0, -1]])
     whole = texts | {"dataInfo": info, "data_1": np.ones((2, 2)), "data_2": np.arange(60.0).reshape(30, 2)}
     whole = {key: value.T if turned else value for key, value in whole.items()}
-    whole |= {key: np.array(["".join(row) for row in whole[key]]) for key in texts}
-    kind = np.array([f"{one:11}" for one in ("Atrajectory", "1.1", "", "binTrans" if turned else "binNormal")])
-    savemat(tmp_path / "a.mat", {"Aclass": kind, **whole}, format="4")
+    kind = np.array([[*f"{one:11}"] for one in ("Atrajectory", "1.1", "", "binTrans" if turned else "binNormal")])
+    with (tmp_path / "a.mat").open("wb") as file:  # version 4, by its manual: SciPy writes no NUL in texts
+        for name, values in {"Aclass": kind, **whole}.items():
+            text = values.dtype.kind == "U"
+            file.write(np.array([51 if text else 0, *values.shape, 0, len(name) + 1], "<i4").tobytes())
+            file.write(name.encode() + b"\0")
+            file.write((values.view("<u4").astype("u1") if text else values.astype("<f8")).tobytes("F"))
     expected = {"Time": ("s", [0.0, 2.0]), "arm.w": ("rad/s", [1.0, 3.0]), "load.w": ("", [-1.0, -3.0])}
     assert channels_in(tmp_path / "a.mat") == expected
 
@@ -271,8 +282,34 @@ def test_a_matrix_of_hdf5_whose_columns_have_names_and_units(tmp_path: Path) -> 
         data.attrs["columns"], data.attrs["units"] = ["t", "tau", "q"], ["s", "Nm", "rad"]
         other = file.create_dataset("raw", data=np.arange(90.0).reshape(30, 3))
         other.attrs["columns"], other.attrs["unit"] = "all", "V"
+        for name, labels in (
+            ("of_rows", [f"r{k}" for k in range(30)]),
+            ("numbered", ["0", "1", "2"]),
+            ("alike", ["x"] * 3),
+        ):
+            file.create_dataset(name, data=np.arange(90.0).reshape(30, 3)).attrs["labels"] = labels
     names = {"log/t": ("s", [0.0, 3.0]), "log/tau": ("Nm", [1.0, 4.0]), "log/q": ("rad", [2.0, 5.0])}
-    assert channels_in(tmp_path / "a.h5") == names | {f"raw/{k + 1}": ("V", [k, k + 3.0]) for k in range(3)}
+    by_number = {"raw": "V", "of_rows": "", "numbered": "", "alike": ""}
+    names |= {f"{name}/{k + 1}": (unit, [k, k + 3.0]) for name, unit in by_number.items() for k in range(3)}
+    assert channels_in(tmp_path / "a.h5") == names
+
+
+def test_tests_of_json_with_names_are_no_channels(tmp_path: Path) -> None:
+    tests = [{"name": name, "position": [0.5] * 99} for name in ("slow", "fast")]
+    (tmp_path / "a.json").write_text(json.dumps({"tests": tests}))
+    assert all(name.endswith("position") for name in channels_in(tmp_path / "a.json"))
+
+
+def test_a_mat_that_has_the_names_of_a_result_of_modelica_alone_is_read_as_it_is(tmp_path: Path) -> None:
+    parts = {
+        "Aclass": "x",
+        "name": "one",
+        "description": "two",
+        "dataInfo": np.ones((2, 3)),
+        "data_2": np.ones((30, 3)),
+    }
+    savemat(tmp_path / "a.mat", parts)
+    assert [*channels_in(tmp_path / "a.mat")][-3:] == ["data_2/1", "data_2/2", "data_2/3"]
 
 
 def test_channels_of_json_that_say_their_names_and_a_rate(tmp_path: Path) -> None:
