@@ -23,7 +23,8 @@ def _driven(
     """Log of an axis that truly sticks (Moreau's time stepping), in a loop with an integrator, u a sample late."""
     place, h = np.cumsum(speed) * STEP, STEP / PARTS
     kp, kd, ki = inertia * rate**2, 1.6 * inertia * rate, 0.1 * inertia * rate**3
-    q = v = total = slow = before = late = 0.0
+    q = v = slow = before = 0.0
+    total = late = -load  # held before it begins
     rows = []
     for target, wanted in zip(place, speed, strict=True):
         seen = count * round(q / count)
@@ -79,24 +80,30 @@ def test_a_pump_that_rests_between_its_strokes_has_no_load_in_place_of_its_frict
     assert found.estimates["coulomb_friction.level"].value == pytest.approx(300.0, rel=0.01)
 
 
-def _of_pump(load: float):
+def _of_pump(seed: int, load: float):
     """(effect -> probability, answer) of a pump with a load and neither in the model."""
-    found = _answer(_pump(640202, 17.0, load), PlantModel(3000.0, STEP, {"viscous_friction": {"coefficient": 4e4}}))
+    found = _answer(_pump(seed, 17.0, load), PlantModel(3000.0, STEP, {"viscous_friction": {"coefficient": 4e4}}))
     return {one.effect: one.probability for one in found.missing}, found
 
 
-def test_a_load_against_the_only_way_may_be_a_part_of_the_friction_that_rests_do_not_prove() -> None:
+@pytest.mark.parametrize("seed", [700206, 700213])
+def test_a_load_against_the_only_way_may_be_a_part_of_the_friction_that_rests_do_not_prove(seed: int) -> None:
     """Moving, friction and load are one force, 300 + 500; a rest shows as much friction as it takes, and no more."""
-    missing, found = _of_pump(-500.0)
+    missing, found = _of_pump(seed, -500.0)
     level = found.estimates["coulomb_friction.level"]
     assert level.value == pytest.approx(800.0, rel=0.01)
-    assert 250.0 < level.value - np.sqrt(3.0) * level.std_error < 315.0  # what holds it at rest
+    assert 0.0 < level.value - np.sqrt(3.0) * level.std_error < 300.0  # from what holds it at rest on any level does
     named = next(c for c in found.ranking if c.effect == "coulomb_friction")
     assert "constant_load" in named.indistinguishable_from
-    assert 0.0 < missing["constant_load"] < 0.5 < missing["coulomb_friction"]
+    assert 0.0 < missing["constant_load"] < 0.5
+    assert missing["coulomb_friction"] > 0.95  # 81 % of the second one where a load alone may be a rival at rest, too
 
 
 def test_a_load_that_drives_the_only_way_is_named_beside_the_friction_that_holds_it() -> None:
-    missing, found = _of_pump(900.0)
-    assert min(missing["constant_load"], missing["coulomb_friction"]) > 0.9
-    assert found.estimates["coulomb_friction.level"].value == pytest.approx(300.0, rel=0.05)
+    """The rests prove both, 600 together while it moves, and some of the level; nothing bounds that from above."""
+    missing, found = _of_pump(700204, 900.0)
+    assert min(missing["constant_load"], missing["coulomb_friction"]) > 0.8
+    level, force = (found.estimates[name] for name in ("coulomb_friction.level", "constant_load.force"))
+    assert force.value - level.value == pytest.approx(600.0, rel=0.01)
+    assert 100.0 < level.value < 300.0
+    assert np.isnan([level.std_error, force.std_error]).all()

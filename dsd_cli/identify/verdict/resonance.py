@@ -101,7 +101,7 @@ def with_response(search: Search, whole: Fit, task: Task, doubtful: bool) -> Res
     if not math.isnan(seen.off):
         return _with_contacts(replace(unchanged, rattles=doubtful), seen, task)
     balanced = _in_band(seen, search) and not ids.isdisjoint(SHOWN)
-    if balanced and seen.effect in ids and not doubtful:  # what it leaves is noise: no values of it are better
+    if balanced and seen.effect in ids and not doubtful:  # what it leaves is hardly more than noise
         return unchanged
     known = replace(settings, known=settings.known.seeing(seen.effect, seen.values, {}))
     values = {name: value for name, (value, _) in seen.values.items()}
