@@ -106,4 +106,5 @@ def test_a_load_that_drives_the_only_way_is_named_beside_the_friction_that_holds
     level, force = (found.estimates[name] for name in ("coulomb_friction.level", "constant_load.force"))
     assert force.value - level.value == pytest.approx(600.0, rel=0.01)
     assert 100.0 < level.value < 300.0
+    assert not level.at_bound  # where the rows alone have it, at 0
     assert np.isnan([level.std_error, force.std_error]).all()

@@ -244,7 +244,8 @@ def as_rests_allow(bank: Bank, fitted: Fitted, beside: Terms) -> Fitted:
     if len(open_) < sum(n in fitted.estimates for n in values):  # one that is known says what the other is
         return fitted
     step = bank.equations.sample_time
-    made = {n: _as_open(replace(e, value=values[n]), n, found, step) for n, e in open_.items()}
+    moved = {n: replace(e, value=values[n], at_bound=e.at_bound and values[n] == e.value) for n, e in open_.items()}
+    made = {n: _as_open(e, n, found, step) for n, e in moved.items()}
     model = fitted.model.with_values({n: e.value for n, e in made.items()})
     return replace(fitted, model=model, estimates={**fitted.estimates, **made})
 
