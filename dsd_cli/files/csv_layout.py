@@ -158,14 +158,13 @@ def _torn(names: Sequence[str], body: Body, lines: Sequence[str]) -> bool:
 
 
 def _as_told(lines: Sequence[str], layout: CsvLayout, body: Body) -> Found:
-    units = None
-    if layout.units_row:
-        units = [*map(of_unit, fields_of(uncommented(lines[layout.units_row - 1]), body.delimiter))]
+    row = layout.units_row
+    units = [*map(of_unit, fields_of(uncommented(lines[row - 1]), body.delimiter))] if row else None
     names = _numbered(body.fields)
     if layout.header:
         names = _fitted([text.strip() for text in fields_of(lines[layout.header - 1], body.delimiter)], body)
     elif layout.header is None:
-        names = _above(_rows(lines, body.delimiter, 0, (layout.units_row or 1) - 1), body).header.names
+        names = _above(_rows(lines, body.delimiter, 0, (row or 1) - 1), body).header.names
     return Found(Header(names, body.delimiter), body.start, units, [])
 
 

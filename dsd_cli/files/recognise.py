@@ -258,9 +258,8 @@ def _score(channel: str, column: str) -> float:
         group, last = f"{group}/{within}", own  # axis0.pos_vel_mapper.pos_rel; IL.FB says nothing by its end
     if channel == "time" and _NO_TIME.match(last):
         return 0.0
-    words = words_in(last)
+    words, around = words_in(last), set(words_in(group))
     joined = "".join(words)
-    around = set(words_in(group))
     moves = any(_word_score(one, words, joined) > 0.0 for one in ("velocity", "position"))
     if moves and set(words) & GENERAL:
         words = [word for word in words if word not in GENERAL] if channel == "u" else [*words, "setpoint"]
