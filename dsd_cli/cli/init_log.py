@@ -193,7 +193,7 @@ def _read(
         stamps = finite_stamps(names["t"], chosen.table)
         lasts = float(np.ptp(stamps)) if stamps.size else math.inf
         unit = time_unit_of(step, float(first["t"][0]), lasts)
-        dates = unit_of_dates(step, float(first["t"][0])) != ""
+        dates = unit_of_dates(step, float(first["t"][0]))
         why = f'"{unit}": the stamps are dates then' if dates else f"not said; steps of {step:g} are taken as {unit}"
         out.said.append(f"time_unit: {why}; if it is another: --set signals.time_unit=UNIT")
     out.put("signals", "time_unit", unit)

@@ -11,10 +11,11 @@ import numpy as np
 from dsd_cli.design.closed_loop import Loop
 from dsd_cli.design.limits import Limits
 from dsd_cli.design.rows import Model, at_rest, shapes_of
-from dsd_cli.effects import Channels, Effect, Role, catalogue, get_effect, is_angle
+from dsd_cli.effects import Channels, Role, catalogue, get_effect, is_angle
 from dsd_cli.identify.fit.bank import FIXED, SHARE
 from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
 from dsd_cli.identify.fit.covariance import root_of
+from dsd_cli.identify.fit.direction import LOAD
 from dsd_cli.identify.fit.estimates import Grade
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import flat
@@ -132,7 +133,7 @@ def falling(search: Search, one: PlantModel, found: Fit, unexplained: float) -> 
     known, top = search.problem.model.effects, search.ranges.top_speed
     if gone.id in known or not top > 0.0:
         return ()
-    held = {_always().id, *(name for name in one.effects if get_effect(name).role is Role.FRICTION)}
+    held = {LOAD, *(name for name in one.effects if get_effect(name).role is Role.FRICTION)}
     rest = replace(one, effects={n: v for n, v in one.effects.items() if n in known or n not in held})
     lacks = math.hypot(*_lacking(search, rest, found, unexplained))
     values = {p.name: lacks if p.linear else top for p in gone.parameters}
@@ -185,16 +186,9 @@ def _lacking(search: Search, plant: PlantModel, found: Fit, unexplained: float) 
 
 def _pushed(plant: PlantModel, force: float) -> PlantModel:
     """With so much more of the force that is always there."""
-    effect = _always()
-    (size,) = (p.name for p in effect.parameters)
-    known = plant.effects.get(effect.id, {size: 0.0})
-    return replace(plant, effects={**plant.effects, effect.id: {size: known[size] + force}})
-
-
-def _always() -> Effect:
-    """The force that is always there."""
-    forces = (e for e in catalogue().values() if e.role is Role.APPLIED and not (e.needs or e.listed or e.repeats))
-    return next(e for e in forces if e.periods is None)
+    (size,) = (p.name for p in get_effect(LOAD).parameters)
+    known = plant.effects.get(LOAD, {size: 0.0})
+    return replace(plant, effects={**plant.effects, LOAD: {size: known[size] + force}})
 
 
 def _waved(plant: PlantModel, size: float, way: float, start: float) -> PlantModel:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from itertools import accumulate
 from typing import NamedTuple
 
 from dsd_cli.files.csv_body import Body
@@ -121,8 +122,7 @@ def closed(lines: Sequence[str], start: int, stop: int) -> Iterator[tuple[int, s
     while at < stop:
         end = at + 1
         if _OPEN.search(lines[at]):
-            end = next(
-                (k + 1 for k in range(at + 1, stop) if sum(x.count('"') for x in lines[at : k + 1]) % 2 == 0), end
-            )
+            quotes = accumulate(line.count('"') for line in lines[at:stop])
+            end = next((at + k for k, count in enumerate(quotes, start=1) if k > 1 and count % 2 == 0), end)
         yield end - 1, " ".join(lines[at:end])
         at = end

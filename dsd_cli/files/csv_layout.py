@@ -98,7 +98,7 @@ _COMMENTED = "the comment in line {} is taken as the header"
 
 def _rows(lines: Sequence[str], delimiter: str, start: int, stop: int | None = None) -> list[Row]:
     """The lines of a header, from `start` to before `stop`, in which something stands; None: those of a body."""
-    each = [*enumerate(lines)][start:] if stop is None else closed(lines, start, stop)
+    each = enumerate(lines[start:], start) if stop is None else closed(lines, start, stop)
     of_lines = ((at, is_comment(line), line) for at, line in each if line.strip())
     said = ((at, comment, uncommented(line) if comment else line) for at, comment, line in of_lines)
     return [Row(at, fields_of(line, delimiter), comment) for at, comment, line in said if line]

@@ -115,9 +115,10 @@ def _places(path: str, item: Any, matlab: bool) -> dict[str, _Place]:
         along = 0 if item.shape[1] == 1 else 1
         return {path: _Place(item, along, 0)}
     along = 1 if matlab != lies_in_rows(item.shape[::-1] if matlab else item.shape) else 0
-    if item.shape[1 - along] > MOST_COLUMNS:
+    columns = item.shape[1 - along]
+    if columns > MOST_COLUMNS:
         return {}
-    named = {k: _said(item, NAMES, k, item.shape[1 - along]) or str(k + 1) for k in range(item.shape[1 - along])}
+    named = {k: _said(item, NAMES, k, columns) or str(k + 1) for k in range(columns)}
     if len(set(named.values())) < len(named) or any("/" in name or is_number(name) for name in named.values()):
         named = {k: str(k + 1) for k in named}
     return {f"{path}/{name}": _Place(item, along, k) for k, name in named.items()}
@@ -128,7 +129,7 @@ def _said(item: Any, keys: Sequence[str], at: int | None, columns: int) -> str:
     attributes = getattr(item, "attrs", {})  # an array in memory has none
     value = next((attributes[key] for key in keys if key in attributes), "")
     if np.ndim(value) == 0 or (np.size(value) == columns == 1):
-        return "" if keys is NAMES else _text(np.ravel(value)[0])
+        return _text(np.ravel(value)[0])
     return _text(value[at]) if at is not None and np.shape(value) == (columns,) else ""
 
 

@@ -57,8 +57,7 @@ class JsonFile(InMemory):
         for name, table in found.items():
             channels |= {f"{name}/{column}" if name else column: values for column, values in table.items()}
         super().__init__(channels, units=_units(document, list(channels)) if isinstance(document, Mapping) else {})
-        said = _sample_times(document)
-        self.sample_time = only_one(said)
+        self.sample_time = only_one(_sample_times(document))
         if joined:
             parts = sum(table.keys() == joined.keys() for table in found.values())
             self.notes.append(f"{parts} tests with the same columns are read one after the other")
