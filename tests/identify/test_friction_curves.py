@@ -67,7 +67,9 @@ def test_smooth_friction_of_a_geared_joint_at_one_speed_is_no_asymmetry_and_no_f
     """A joint (Gaz et al. 2019: 0.839 / (1 + exp(-8.35 (v + 0.026))), less its value at rest) at 0.33 to 0.35 rad/s.
 
     Viscous friction, its asymmetry and friction by the load leave 1.6 % of u, in which there is a function of the
-    speed: 95, 95 and 50 % before, for at ramps where the direction is not sure no law was asked for."""
+    speed: 95, 95 and 50 % before, for at ramps where the direction is not sure no law was asked for. Of twenty other
+    seeds (700300 on) this holds in 15, before in none; in the others asymmetry stays above 50 %, or no channel is said.
+    """
     random, ways = np.random.default_rng(seed), []
     for k in range(20):
         speed, ramp = 0.35 * random.uniform(0.93, 1.0), 0.5 * (1.0 - np.cos(np.pi * np.linspace(0.0, 1.0, 60)))
