@@ -20,7 +20,8 @@ def draw(plan: Plan) -> Any:
     """The figure; without a motion only what is identified now."""
     bars = _bars(plan)
     heights = [1.3, 1.0, 1.0] if plan.motion is not None else []
-    heights += [max(0.3 * len(bars), 0.6), *([1.0] if len(plan.cost) > 1 else [])]
+    shown = bool(bars) or not heights  # with unknown alone there is no pair and no value
+    heights += [*([max(0.3 * len(bars), 0.6)] if shown else []), *([1.0] if len(plan.cost) > 1 else [])]
     figure = sheet(11.0, 1.6 + 1.6 * (len(heights) - 1) + 0.34 * len(bars))
     axes = figure.subplots(len(heights), 1, height_ratios=heights, squeeze=False)[:, 0]
     headline(figure, said(plan), 110)
@@ -28,7 +29,8 @@ def draw(plan: Plan) -> Any:
         _draw_motion(axes[:3], plan, plan.motion)
     if len(plan.cost) > 1:
         _draw_cost(axes[-1], plan)
-    _draw_bars(axes[3 if plan.motion is not None else 0], bars)
+    if shown:
+        _draw_bars(axes[3 if plan.motion is not None else 0], bars)
     return figure
 
 

@@ -54,6 +54,10 @@ def test_what_more_seconds_bring_is_drawn_where_they_were_asked_for() -> None:
     assert curve.tolist() == [[5.0, 80.0], [10.0, 160.0]]
 
 
+def test_a_plan_for_what_is_unknown_has_no_panel_without_a_bar() -> None:
+    assert len(draw(replace(PLAN, pairs=(), values=(), cost=())).axes) == 3
+
+
 def test_no_label_of_an_axis_reaches_into_that_of_the_next() -> None:
     figures = []
     rendered(lambda: figures.append(draw(replace(PLAN, cost=()))) or figures[0], ".png")
