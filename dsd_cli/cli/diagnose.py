@@ -78,7 +78,6 @@ def _found(
             given.engine_settings,
             holdout=tuple(holdout),
             progress=progress,
-            stability=True,
             on_told=early(quiet, progress),
         )
 

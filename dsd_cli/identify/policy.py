@@ -124,7 +124,7 @@ class Policy:
     clear_fall: float = 0.1  # share of what is left that pushes, a filter, a path or an unconfirmed effect take off
     stands_in: float = 3.0  # times what is left; what takes off no more stands in for another law half the time
     rows_of_a_choice: float = 3.0  # independent equations that halve a belief; times the square of the set's size
-    surest_in_doubt: float = 0.9  # "unknown", for the search may have missed an effect; what parts do not bear out
+    surest_in_doubt: float = 0.9  # "unknown", for the search may have missed an effect; pushes in time
 
     # -- values --
     value_deviations: float = 4.0  # standard errors from which on a value is wrong, or a load has a frequency, or a gap

@@ -104,15 +104,6 @@ class Ceiling:
 
 
 @dataclass(frozen=True)
-class Variant:
-    """The verdict on a part of the data or another band: `what` says how, `same` whether it is the same."""
-
-    what: str
-    verdict: str
-    same: bool
-
-
-@dataclass(frozen=True)
 class LogLevels:
     """A value that differs between logs of one rig (`Effect.varies`).
 
@@ -147,7 +138,7 @@ class Diagnosis:
     found : the whole set of effects that the search found; the verdict is the one of them that is worth most alone.
     whole_model : with all of them; None where nothing was found. whole_values : its values, where they are several,
         whole_heldout_rmse : and its held-out error there.
-    correlations : of the estimates. stability : the verdict with half of the data, and with half and twice the band.
+    correlations : of the estimates.
     band_hz, floor : end of the band in which forces were balanced, Hz; rms of r that the sensor alone leaves in it.
     levels : values that differ between the logs: every error but `score` is beside them. inverse : whether u by the
         motion was evidence, not the motion by u.
@@ -175,7 +166,6 @@ class Diagnosis:
     warnings: tuple[str, ...] = ()
     depends_on: tuple[str, ...] = ()
     correlations: Correlations = ()
-    stability: tuple[Variant, ...] = ()
     given: PlantModel = field(default_factory=PlantModel)
     units: Units = field(default_factory=Units)
     refitted_values: Estimates = field(default_factory=dict)

@@ -1,7 +1,6 @@
 """How sure a name is: less where much stays unexplained beside it, hardly less in a short log that leaves nothing."""
 
 import math
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -22,10 +21,8 @@ from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.discrepancy import Discrepancy
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.probability import Membership
-from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
-from tests.report.examples import DIAGNOSIS
 
 STEP, INERTIA, LEVEL = 0.002, 0.05, 0.4
 OBSERVER = ObserverSettings(INERTIA, 0.02)
@@ -194,14 +191,6 @@ def test_what_the_verdict_takes_the_place_of_is_no_surer_than_the_verdict(monkey
     own = SimpleNamespace(refitted=SimpleNamespace(heldout_rmse=1.0))
     verdict = Verdict(search, [], None, {"constant_load": load}, own, None, shown, None)
     assert verdict.missing == (Missing("constant_load", 0.33),)
-
-
-def test_a_doubtful_answer_is_not_asked_again_on_parts():
-    """What four more searches found could not change it: nothing is asked, so that no recording is needed."""
-    doubtful = replace(DIAGNOSIS, probability=POLICY.surest_in_doubt)
-    assert with_stability(doubtful, (), PlantModel(INERTIA, 0.0, {}), Settings()) is doubtful
-    with pytest.raises(IndexError):
-        with_stability(replace(DIAGNOSIS, probability=0.95), (), PlantModel(INERTIA, 0.0, {}), Settings())
 
 
 def left_in(rmse: float, untestable: dict[str, str] | None = None, floor: float = 0.001):

@@ -39,7 +39,6 @@ from dsd_cli.identify.verdict.own_values import own_values
 from dsd_cli.identify.verdict.probability import memberships, overturning
 from dsd_cli.identify.verdict.pushes import pushed
 from dsd_cli.identify.verdict.resonance import with_response
-from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 Told = Callable[[Sequence[Contradiction]], None]
@@ -53,22 +52,20 @@ def diagnose(
     settings: Settings | None = None,
     holdout: Sequence[Recording] = (),
     progress: Progress | None = None,
-    stability: bool = False,
     on_told: Told = lambda _: None,
     on_found: Found = lambda _search, _whole: None,
 ) -> Diagnosis:
     """The effect that is missing most, "inertia" or "delay" if a value is wrong, "none" or "unknown".
 
     recordings : of one rig, fitted together. holdout : recordings that no fit sees; held-out errors are then of those.
-    model : believed; its values are fitted along, its effects stay. stability : ask again with half of the data, half
-        and twice the band. progress : called with what is being done and the share that is done; on_told : if the log
-        is against what was given; on_found : with search and whole set.
+    model : believed; its values are fitted along, its effects stay. progress : called with what is being done and the
+        share that is done; on_told : if the log is against what was given; on_found : with search and whole set.
 
     Raises DataError, UsageError : too short, no motion, or a needed channel is missing; recordings of different rates.
     """
     report = progress or (lambda _what, _share: None)
     given = partial(diagnose, model=model, observer=observer, settings=settings, progress=progress)
-    again = partial(given, stability=stability, on_told=on_told, on_found=on_found)
+    again = partial(given, on_told=on_told, on_found=on_found)
     asked, against = prior_check(recordings, model, settings or Settings(), report)
     if against:
         on_told(against)
@@ -99,9 +96,6 @@ def diagnose(
     on_found(search, whole)
     diagnosis = with_levels_said(against_told(verdict.diagnosis(), search, whole, task.settings), search, whole, apart)
     diagnosis = stops.beside(diagnosis) if stops is not None else diagnosis
-    if stability:
-        report("how sure, on parts", 0.85)
-        diagnosis = with_stability(diagnosis, task.recordings, model, shown.settings)
     report("done", 1.0)
     return replace(diagnosis, inverse=search.solver.inverse)
 

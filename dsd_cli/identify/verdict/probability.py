@@ -133,7 +133,8 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     found = dict.fromkeys((*one_by_one, *(t.id for t in together), *beside))
     estimates = search.values(whole).estimates
     told = is_told(effect_id, estimates) or effect_id in search.proven(whole)
-    surest = POLICY.even if as_push or afloat or together or not told else 1.0
+    once = POLICY.surest_in_doubt if member.effect.listed else 1.0  # an event is in one part of the data alone
+    surest = POLICY.even if as_push or afloat or together or not told else once
     shares = probabilities(search, rest, [own, *options])
     return Membership(effect_id, shares, tuple(found), tuple(o.effect for o in named), surest=surest)
 
