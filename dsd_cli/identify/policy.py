@@ -87,7 +87,6 @@ class Policy:
     unexplained_factor: float = 2.0  # of the power in their worst window, from which on it joins them
 
     # -- reconstructed motion --
-    ripple_share: float = 0.15  # of what is left, that a ripple over the position holds; of noise none holds 0.03
     path_rounds: int = 6  # in which a set settles on its path, and a path beside its set; each halves a step too far
     most_drift: float = 0.7  # of the range of the position, by which it may drift and still be used
     most_travel: float = 1.5  # times the least travel of any speed offset: an axis that works comes back

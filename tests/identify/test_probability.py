@@ -355,34 +355,6 @@ def test_a_note_says_of_what_log_a_value_is_not_identifiable(shown, said, monkey
     assert f"not identifiable from {said}: " in verdict._candidate(option, score, score, shown=shown).note
 
 
-def _of_inertias(given: float, whole: tuple[float, float], rest: tuple[float, str]) -> SimpleNamespace:
-    """A search that found one member: inertia and standard error with it, inertia and grade without."""
-    member, found = SimpleNamespace(id="flexible_coupling"), SimpleNamespace(value=whole[0], std_error=whole[1])
-    alone = SimpleNamespace(estimates={"inertia": SimpleNamespace(value=rest[0], grade=rest[1])})
-    problem = SimpleNamespace(model=SimpleNamespace(inertia=given), values=lambda fit: alone)
-    return SimpleNamespace(
-        problem=problem,
-        values=lambda fit: SimpleNamespace(estimates={"inertia": found}),
-        added=lambda terms: (member,),
-        without=lambda fit, *members: fit,
-    )
-
-
-@pytest.mark.parametrize(
-    ("whole", "rest", "refused"),
-    [
-        ((0.102, 0.008), (0.021, "identified"), "flexible_coupling"),
-        ((0.102, 0.03), (0.021, "identified"), ""),  # it may be twice the given one
-        ((0.05, 0.001), (0.021, "identified"), ""),  # a load that the believed inertia was without
-        ((0.102, 0.008), (0.101, "identified"), ""),  # the given one is wrong, whatever is missing
-        ((0.102, 0.008), (0.021, "weak"), ""),  # what is missing hides the inertia
-    ],
-)
-def test_what_needs_another_inertia_than_is_given_and_seen_is_no_name(whole, rest, refused):
-    fit = SimpleNamespace(terms=())
-    assert probability.overturning(_of_inertias(0.02, whole, rest), fit) == refused
-
-
 @pytest.mark.parametrize(
     ("lead", "shares", "useful", "said"),
     [

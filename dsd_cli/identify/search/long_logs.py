@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from dsd_cli.effects import kind_of
-from dsd_cli.identify.fit.bank import Term, has_friction
+from dsd_cli.identify.fit.bank import has_friction
 from dsd_cli.identify.fit.driven_load import both_driven
 from dsd_cli.identify.fit.problem import Problem, asked_of_all, pose
 from dsd_cli.identify.fit.solve import Fit
@@ -19,7 +18,6 @@ from dsd_cli.identify.fit.values import terms_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts, with_part
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.results import Estimates
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.plant.model import PlantModel
 
@@ -136,7 +134,7 @@ def _found(task: Task, parts: Sequence[Recording], begun: Fit | None = None) -> 
     kept = _kept(search, task.settings)
     if kept is not None and kept.terms != whole.terms:
         whole = max(whole, search.run(kept), key=search.evidence)
-    return search, identified_only(search, whole)
+    return search, whole
 
 
 def _kept(search: Search, settings: Settings) -> Fit | None:
@@ -148,35 +146,6 @@ def _kept(search: Search, settings: Settings) -> Fit | None:
     if not own <= {t.id for t in there}:
         return None
     return search.settled(search.fit(tuple(there), round(settings.begun.delay / search.solver.bank.tap_time)))
-
-
-def identified_only(search: Search, whole: Fit) -> Fit:
-    """The set without effects that were found among lines of which no force is identified: what is left at stops and
-    turns repeats with the motion, and is a sum of lines to any accuracy, but the rows that identify values do not have
-    it; nor do fast moves one that is a few counts of an encoder long."""
-    while (told := _told(search, whole)) is not whole:
-        whole = search.settled(told)
-    return whole
-
-
-def _told(search: Search, whole: Fit) -> Fit:
-    """Without those, one after the other, shapes as they are; the same fit if there are none."""
-    while lines := [t for t in search.added(whole.terms) if t.effect.periods is not None]:
-        estimates = search.problem.values(whole, as_found=True).estimates
-        sizes = {t: _deviations(t, estimates) for t in lines}
-        least = min(sizes, key=lambda t: sizes[t])
-        if sizes[least] > POLICY.value_deviations:
-            break
-        whole = search.without(whole, least)
-    return whole
-
-
-def _deviations(line: Term, estimates: Estimates) -> float:
-    """Standard errors by which the largest force of a line is away from 0; angles are none."""
-    forces = [p.name for p in line.effect.parameters if p.linear and p.unit != "rad"]
-    found = [estimates[f"{line.id}.{name}"] for name in forces]
-    told = (math.inf if e.held else abs(e.value) / e.std_error for e in found if e.held or e.std_error > 0.0)
-    return max(told, default=0.0)
 
 
 def _on_all(task: Task, search: Search, whole: Fit) -> tuple[Search, Fit]:

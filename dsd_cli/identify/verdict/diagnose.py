@@ -36,7 +36,7 @@ from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.levels import log_levels, with_levels_said
 from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.identify.verdict.own_values import own_values
-from dsd_cli.identify.verdict.probability import memberships, overturning
+from dsd_cli.identify.verdict.probability import memberships
 from dsd_cli.identify.verdict.pushes import pushed
 from dsd_cli.identify.verdict.resonance import with_response
 from dsd_cli.plant.model import ObserverSettings, PlantModel
@@ -87,8 +87,6 @@ def diagnose(
     if answer is not None:
         return answer
     members = {} if limits.blocked or shown.seen is not None else memberships(search, whole, beyond)
-    if members and not task.settings.taken and (refused := overturning(search, whole)):  # else values are not given
-        return again(apart.plain, settings=task.settings.without([refused]), holdout=holdout)
     options = [*search.options(search.refit), *first]
     verdict = Verdict(search, options, whole, members, own_values(search, shown), beyond, shown, limits)
     if verdict.rising:  # what raises the error stands in for something else: the search begins again without it
