@@ -26,8 +26,8 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.results import NONE, UNKNOWN, Diagnosis
-from dsd_cli.identify.search.long_logs import searched_with
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.task import searched_with
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.controllers import ControllerSettings, Gains
 from dsd_cli.plant.model import EffectValues, ObserverSettings, PlantModel

@@ -20,7 +20,6 @@ from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.improve import improve
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search import response
-from dsd_cli.identify.search.long_logs import Task
 from dsd_cli.identify.search.response import response_of
 from dsd_cli.identify.search.seen import Seen
 from dsd_cli.identify.search.sets import Search
@@ -33,6 +32,7 @@ from dsd_cli.identify.search.signals import (
     strongest_line,
     without_line,
 )
+from dsd_cli.identify.search.task import Task
 from dsd_cli.identify.verdict import resonance
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel

@@ -41,7 +41,7 @@ __all__ = ["Option", "Search"]
 class Search(Evidence):
     """Selections of effects for a problem."""
 
-    #: A search over a part of the rows, which finds candidates for all of them (`long_logs.Judge`).
+    #: A search over a part of the rows, which finds candidates for all of them (`task.Judge`).
     excerpt: Search | None = None
 
     def searched(self, fit: Fit) -> tuple[Search, Fit]:

@@ -25,9 +25,9 @@ from dsd_cli.identify.recordings.excerpts import excerpts, may_differ, with_leve
 from dsd_cli.identify.recordings.recording import Mended, Recording
 from dsd_cli.identify.results import DELAY, NONE, Diagnosis, Estimates
 from dsd_cli.identify.search.levels import Levelled, levelled
-from dsd_cli.identify.search.long_logs import Progress, Task
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.search.shapes import renamed
+from dsd_cli.identify.search.task import Progress, Task
 from dsd_cli.identify.verdict.command_time import on_time, was_late
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told, freed, told_far_off
 from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrepancy_of, noise_of_u, without_imitations
