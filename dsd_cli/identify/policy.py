@@ -1,6 +1,6 @@
 """Every threshold that changes an answer, in one place; docs/how/policy.md has the same table (a test).
 
-Nats are natural logarithms of likelihood ratios on data that a fit did not see. Budgets of computing stand in `Budget`.
+Nats are natural logarithms of likelihood ratios on data that a fit did not see. Budgets of computing stand where they are spent.
 """
 
 from __future__ import annotations
@@ -87,7 +87,6 @@ class Policy:
     unexplained_factor: float = 2.0  # of the power in their worst window, from which on it joins them
 
     # -- reconstructed motion --
-    path_rounds: int = 6  # in which a set settles on its path, and a path beside its set; each halves a step too far
     most_drift: float = 0.7  # of the range of the position, by which it may drift and still be used
     most_travel: float = 1.5  # times the least travel of any speed offset: an axis that works comes back
     told_deviations: float = 2.0  # standard errors that the values of an effect must be away from 0

@@ -198,6 +198,8 @@ def _seen(times: Sequence[np.ndarray], place: Sequence[int], parts: Sequence[Rec
 
 
 Found = tuple[Search, Fit]
+#: Rounds in which a set settles on its path, and a path beside its set; each halves a step too far.
+_ROUNDS = 6
 #: Paths that are followed, of effects that are asked alone, each on the path that suits it.
 _PATHS_ALONE = 2
 #: Why an effect cannot be told that another path explains as well.
@@ -214,7 +216,7 @@ def searched(task: Task) -> Found:
         return found
     paths = _Paths(task)
     first = found
-    for _ in range(POLICY.path_rounds):
+    for _ in range(_ROUNDS):
         path = paths.settled(*found)
         if not paths.better(path, found):
             break
@@ -243,7 +245,7 @@ class _Paths:
     def settled(self, search: Search, fit: Fit) -> Found:
         """The path that suits this set, and the set there."""
         best = search, fit
-        for _ in range(POLICY.path_rounds):
+        for _ in range(_ROUNDS):
             moved = without_drift(search.problem, fit, self.task.recordings)
             search, fit = self._with(moved, search.problem.scale.model(fit))
             if not self.better((search, fit), best):
