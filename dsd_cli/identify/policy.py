@@ -1,6 +1,7 @@
 """Every threshold that changes an answer, in one place; docs/how/policy.md has the same table (a test).
 
-Nats are natural logarithms of likelihood ratios on data that a fit did not see. Budgets of computing stand where they are spent.
+Nats are natural logarithms of likelihood ratios on data that a fit did not see. Budgets of computing stand
+where they are spent.
 """
 
 from __future__ import annotations
