@@ -40,10 +40,11 @@ from dsd_cli.files.config.edit import Origin, now
 from dsd_cli.files.config.values_edit import merged, with_keys
 from dsd_cli.identify.compare.comparison import compare
 from dsd_cli.identify.improve import improve
-from dsd_cli.identify.results import Diagnosis, Ladder, Step, in_units
+from dsd_cli.identify.results import Diagnosis, Ladder, Step
 from dsd_cli.learn.results import Learnt
 from dsd_cli.report.comparison import Report
 from dsd_cli.report.diagnosis import DiagnosisReport
+from dsd_cli.report.in_units import in_units
 from dsd_cli.report.ladder import LadderReport, step_line
 from dsd_cli.report.names import listed
 from dsd_cli.report.page.series import Views, channels_of, views

@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.final_fit import Ended, add_effect, ended
-from dsd_cli.identify.missing import Missing
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import with_levels
 from dsd_cli.identify.recordings.recording import Mended, Recording
@@ -22,6 +21,7 @@ from dsd_cli.identify.results import (
     Estimates,
     Ladder,
     LogLevels,
+    Missing,
     Score,
     Step,
     StepKind,

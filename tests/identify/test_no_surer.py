@@ -5,8 +5,8 @@ from dataclasses import replace
 import pytest
 
 from dsd_cli.identify.fit.testability import Settings
-from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.results import Unexplained
 from dsd_cli.identify.verdict.contradictions import Contradiction, beside_told, no_surer
 from dsd_cli.identify.verdict.diagnose import diagnose
 from tests.identify.search_rig import BELIEVED, OBSERVER, seen

@@ -11,9 +11,9 @@ from hypothesis import strategies as st
 from dsd_cli.identify.final_fit import add_effect
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.testability import Settings
-from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.results import Missing, Unexplained
 from dsd_cli.identify.search.task import LOOKS_THE_SAME
 from dsd_cli.identify.verdict import discrepancy, judgement, probability
 from dsd_cli.identify.verdict.belief import UnnamedLaws

@@ -17,9 +17,8 @@ from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import has_friction
 from dsd_cli.identify.fit.direction import DRY
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.results import Estimates
+from dsd_cli.identify.results import Estimates, Missing, Unexplained
 from dsd_cli.identify.search.evidence import in_plain_laws
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.search.task import LOOKS_THE_SAME
