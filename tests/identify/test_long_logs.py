@@ -12,8 +12,9 @@ from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts, with_part
+from dsd_cli.identify.search.drift_search import searched
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.search.task import Task, posed, searched
+from dsd_cli.identify.search.task import Task, posed
 from dsd_cli.identify.verdict.diagnose import diagnose
 from tests.identify.outside_rig import asked
 from tests.identify.search_rig import BELIEVED, OBSERVER, T, seen

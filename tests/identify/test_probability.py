@@ -14,7 +14,7 @@ from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.results import Missing, Unexplained
-from dsd_cli.identify.search.task import LOOKS_THE_SAME
+from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.verdict import discrepancy, judgement, probability
 from dsd_cli.identify.verdict.belief import UnnamedLaws
 from dsd_cli.identify.verdict.diagnose import diagnose

@@ -1,13 +1,18 @@
 """Several lines of one kind in a search: names, what tells them apart, and which one comes first."""
 
+import math
+from dataclasses import replace
+
 import pytest
 
 from dsd_cli.effects import Ranges
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import Settings, pose
+from dsd_cli.identify.results import Estimate
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import apart, names_to_try, refined, renamed
+from dsd_cli.identify.search.task import _deviations, identified_only
 from dsd_cli.identify.verdict.diagnose import strongest_first
 from tests.identify.search_rig import BELIEVED, MOVES, posed, seen
 
@@ -68,7 +73,7 @@ def search():
 
 
 def test_both_are_found_and_the_larger_has_the_first_name(search):
-    whole, (first,) = strongest_first(search, search.run(search.refit))
+    whole, (first,) = strongest_first(search, identified_only(search, search.run(search.refit)))
     found = {t.id: t.shape["periods"] for t in search.added(whole.terms)}
     assert found == {"cogging": pytest.approx(13.0, rel=2e-3), "cogging_2": pytest.approx(21.0, rel=2e-3)}
     assert (first.effect, first.fit.terms[-1].shape["periods"]) == ("cogging", found["cogging"])
@@ -79,6 +84,29 @@ def test_a_name_of_which_the_user_knows_something_stays(search):
     told = Search(pose([seen(TWO, reference=MOVES)], BELIEVED, Settings(ALLOWED, known)))
     whole = told.fit((line("cogging", 21.0), line("cogging_2", 13.0)), told.refit.tap)
     assert strongest_first(told, whole) == (whole, [])
+
+
+@pytest.mark.parametrize("periods", [(13.0, 21.0, 29.3), (29.3, 13.0, 21.0)], ids=["a later one", "the first"])
+def test_a_line_of_which_no_force_is_told_is_dropped(search, periods):
+    terms = tuple(line(name, n) for name, n in zip(("cogging", "cogging_2", "cogging_3"), periods, strict=True))
+    at = search.fit(terms, search.refit.tap)
+    assert [t.shape["periods"] for t in identified_only(search, at).terms] == pytest.approx([13.0, 21.0], rel=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("effect", "values", "told"),
+    [
+        ("cogging", {"amplitude": (0.005, 0.004), "periods": (995.0, 1.6), "phase": (1.5, 0.1)}, 1.25),
+        ("periodic_disturbance", {"amplitude": (0.4, 0.2), "frequency": (0.91, 0.04), "phase": (0.1, 2.0)}, 2.0),
+        ("cogging", {"amplitude": (0.005, 0.0), "periods": (995.0, 1.6), "phase": (1.5, 0.1)}, 0.0),
+    ],
+)
+def test_a_line_is_told_by_its_force(effect, values, told):
+    """A wave that is not there has a length, and an angle, that many standard errors are away from 0."""
+    estimates = {f"{effect}.{name}": Estimate(value, error, "") for name, (value, error) in values.items()}
+    assert _deviations(Term.of(effect, {}), estimates) == pytest.approx(told)
+    held = {name: replace(e, held=True) for name, e in estimates.items()}
+    assert _deviations(Term.of(effect, {}), held) == math.inf
 
 
 def test_a_shape_is_not_searched_where_another_line_is(search):

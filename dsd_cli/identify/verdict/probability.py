@@ -19,9 +19,9 @@ from dsd_cli.identify.fit.direction import DRY
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import Estimates, Missing, Unexplained
+from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.search.evidence import in_plain_laws
 from dsd_cli.identify.search.sets import Option, Search
-from dsd_cli.identify.search.task import LOOKS_THE_SAME
 from dsd_cli.identify.verdict.belief import UnnamedLaws, shared_belief
 from dsd_cli.identify.verdict.discrepancy import (
     Discrepancy,
