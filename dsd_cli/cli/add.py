@@ -89,7 +89,7 @@ def _added(given: Given, effect: str) -> tuple[Addition, Force | None]:
     """The addition in the user's units, and the balance of forces of the model without it."""
     from dsd_cli.identify.compare.balance import force_view
     from dsd_cli.identify.final_fit import add_effect
-    from dsd_cli.identify.results import in_units
+    from dsd_cli.report.in_units import in_units
 
     added = add_effect(
         given.recordings, given.model, given.observer, effect, given.engine_settings, holdout=given.holdout

@@ -67,8 +67,8 @@ def _found(
 ) -> tuple[Diagnosis, Sequence[Recording]]:
     """(the answer, in the user's units; what it is of)."""
     from dsd_cli.cli.identification import diagnosed, early
-    from dsd_cli.identify.results import in_units
     from dsd_cli.identify.verdict.diagnose import diagnose as run
+    from dsd_cli.report.in_units import in_units
 
     def ask(recordings: Sequence[Recording], holdout: Sequence[Recording]) -> Diagnosis:
         return run(
@@ -78,7 +78,6 @@ def _found(
             given.engine_settings,
             holdout=tuple(holdout),
             progress=progress,
-            stability=True,
             on_told=early(quiet, progress),
         )
 

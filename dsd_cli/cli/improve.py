@@ -169,7 +169,7 @@ def _improve(settings: Config, wanted: Request, origin: Origin) -> None:
     from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.refresh import put_states
     from dsd_cli.cli.transfer import transferred
-    from dsd_cli.identify.results import in_units
+    from dsd_cli.report.in_units import in_units
     from dsd_cli.report.ladder import LadderReport, improve_json, print_ladder
 
     output, quiet = wanted.output, wanted.quiet
@@ -210,7 +210,8 @@ def _run(given: Given, auto: bool, quiet: bool, progress: Progress) -> Ladder:
     from dsd_cli.cli.identification import early
     from dsd_cli.cli.improve_loop import Asker, follow
     from dsd_cli.identify.improve import improve as run
-    from dsd_cli.identify.results import Step, in_units
+    from dsd_cli.identify.results import Step
+    from dsd_cli.report.in_units import in_units
     from dsd_cli.report.ladder import step_line
 
     steps: list[Step] = []

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from dsd_cli.cli.options import Format
 from dsd_cli.errors import UsageError, printable
-from dsd_cli.identify.results import NONE, UNKNOWN, Diagnosis, Estimates, Score, Step, in_units
+from dsd_cli.identify.results import NONE, UNKNOWN, Diagnosis, Estimates, Score, Step
+from dsd_cli.report.in_units import in_units
 
 if TYPE_CHECKING:
     from dsd_cli.cli.progress import Progress

@@ -116,8 +116,8 @@ def learnt_from(given: Given, progress: object, stand_ins: tuple[str, ...] = ())
     """What these logs teach, in the user's units; stand_ins: effects that are taken back if needless."""
     from dataclasses import replace
 
-    from dsd_cli.identify.results import in_units
     from dsd_cli.learn.learning import learn as run
+    from dsd_cli.report.in_units import in_units
 
     units = given.settings.signals.units
     found = run(given.recordings, given.model, given.engine_settings, given.holdout, progress, stand_ins)  # type: ignore[arg-type]
@@ -137,8 +137,9 @@ def with_learnt(ladder: Ladder, given: Given, progress: object) -> tuple[Ladder,
     from dataclasses import replace
 
     from dsd_cli.cli.identification import as_mended
-    from dsd_cli.identify.results import DELAY, INERTIA, UNKNOWN, in_units
+    from dsd_cli.identify.results import DELAY, INERTIA, UNKNOWN
     from dsd_cli.identify.verdict.diagnose import diagnose
+    from dsd_cli.report.in_units import in_units
 
     top = ladder.steps[-1]
     if ladder.verdict != UNKNOWN:

@@ -163,8 +163,8 @@ def _found(
     from dataclasses import replace
 
     from dsd_cli.cli.fleet_tasks import date_in, recorded_date
-    from dsd_cli.identify.results import in_units
     from dsd_cli.passport import RMSE, Passport, Reference, judge, read_values
+    from dsd_cli.report.in_units import in_units
 
     readings: list[Reading] = []
     for log, recording in zip(logs, given.recordings, strict=True):

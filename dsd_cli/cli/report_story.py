@@ -20,7 +20,7 @@ import numpy as np
 from dsd_cli.cli.check import checked_log
 from dsd_cli.cli.detect_checks import Judgement
 from dsd_cli.cli.detect_job import Destination, Job
-from dsd_cli.cli.identification import Given, as_mended, load_given, warn
+from dsd_cli.cli.identification import Given, load_given, warn
 from dsd_cli.cli.improve import validated
 from dsd_cli.cli.improve_loop import follow, with_steps
 from dsd_cli.cli.labels_out import ESTIMATES
@@ -40,11 +40,11 @@ from dsd_cli.files.config.edit import Origin, now
 from dsd_cli.files.config.values_edit import merged, with_keys
 from dsd_cli.identify.compare.comparison import compare
 from dsd_cli.identify.improve import improve
-from dsd_cli.identify.results import Diagnosis, Ladder, Step, in_units
-from dsd_cli.identify.verdict.stability import with_stability
+from dsd_cli.identify.results import Diagnosis, Ladder, Step
 from dsd_cli.learn.results import Learnt
 from dsd_cli.report.comparison import Report
 from dsd_cli.report.diagnosis import DiagnosisReport
+from dsd_cli.report.in_units import in_units
 from dsd_cli.report.ladder import LadderReport, step_line
 from dsd_cli.report.names import listed
 from dsd_cli.report.page.series import Views, channels_of, views
@@ -257,11 +257,8 @@ def _compared(given: Given) -> Report:
 
 
 def _diagnosed(given: Given, first: Sequence[Diagnosis]) -> DiagnosisReport:
-    """What `diagnose` says: the first diagnosis of the ladder, asked again on parts of the data."""
-    found = first[0]
-    if not found.stability:
-        found = with_stability(found, as_mended(given, found).recordings, given.model, given.engine_settings)
-    found = in_units(found, given.settings.signals.units)
+    """What `diagnose` says: the first diagnosis of the ladder."""
+    found = in_units(first[0], given.settings.signals.units)
     found = replace(found, warnings=once_late(given.warnings, found.warnings))
     return DiagnosisReport(found, given.model, tuple(r.name for r in given.holdout), given.dropped)
 

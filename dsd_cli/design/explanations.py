@@ -16,7 +16,7 @@ from dsd_cli.identify.fit.bank import FIXED, SHARE
 from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
 from dsd_cli.identify.fit.covariance import root_of
 from dsd_cli.identify.fit.direction import LOAD
-from dsd_cli.identify.fit.estimates import Grade
+from dsd_cli.identify.fit.priors import Grade
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.results import DELAY

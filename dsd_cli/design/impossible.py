@@ -21,9 +21,8 @@ from dsd_cli.design.targets import GAIN, Targets, apart, within_reach
 from dsd_cli.design.verified import GENTLE
 from dsd_cli.effects import find_effect, told_apart
 from dsd_cli.errors import DataError
-from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.results import DELAY, INERTIA, Diagnosis
+from dsd_cli.identify.results import DELAY, INERTIA, Diagnosis, Unexplained
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.plant.motion import Plant

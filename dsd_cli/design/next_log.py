@@ -1,7 +1,7 @@
 """The log that a motion will leave, simulated, and what the fits of all logs then say of it.
 
 Which rows count, in which band, by which weights and against which noise is decided by the code that will decide it for
-the true log (`long_logs.searched_with`): near a threshold, as where friction's direction is sure in just enough rows,
+the true log (`task.searched_with`): near a threshold, as where friction's direction is sure in just enough rows,
 no description of that code foresees it. Each plant that the logs leave as likely has another draw of the sensor's
 noise, so that what hangs on either shows as a range.
 """
@@ -20,8 +20,8 @@ from dsd_cli.design.seen import as_logged
 from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
-from dsd_cli.identify.search.long_logs import Task, searched_with
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.task import Task, searched_with
 from dsd_cli.plant.model import PlantModel
 
 #: Explanations, from which on each has fewer plants: the search in a log of each takes the most time of all.

@@ -9,8 +9,7 @@ import numpy as np
 
 from dsd_cli.design.inverse import Path, as_recording
 from dsd_cli.errors import DataError
-from dsd_cli.identify.fit.band import Band
-from dsd_cli.identify.fit.noise import passed_variance
+from dsd_cli.identify.fit.band import Band, passed_variance
 from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.plant.model import ObserverSettings
 from dsd_cli.signals.encoder import encoder_step

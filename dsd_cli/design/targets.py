@@ -13,9 +13,8 @@ from dsd_cli.effects import Role, find_effect, get_effect
 from dsd_cli.errors import UsageError
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import flat
-from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Diagnosis
+from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Diagnosis, Unexplained
 from dsd_cli.identify.search.evidence import in_plain_laws
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.plant.model import PlantModel

@@ -18,7 +18,7 @@ import numpy as np
 from dsd_cli.identify.checks.disturbance import maker_by_motion
 from dsd_cli.identify.checks.stretches import cut
 from dsd_cli.identify.fit.bank import Terms
-from dsd_cli.identify.fit.estimates import grade
+from dsd_cli.identify.fit.priors import grade
 from dsd_cli.identify.fit.problem import Problem, asked_of_all, pose
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.fit.values import flat

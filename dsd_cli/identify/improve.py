@@ -7,7 +7,6 @@ from dataclasses import dataclass, field, replace
 
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.final_fit import Ended, add_effect, ended
-from dsd_cli.identify.missing import Missing
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import with_levels
 from dsd_cli.identify.recordings.recording import Mended, Recording
@@ -22,6 +21,7 @@ from dsd_cli.identify.results import (
     Estimates,
     Ladder,
     LogLevels,
+    Missing,
     Score,
     Step,
     StepKind,
@@ -29,7 +29,6 @@ from dsd_cli.identify.results import (
 from dsd_cli.identify.verdict.contradictions import beside_told, kept_values
 from dsd_cli.identify.verdict.diagnose import Progress, Settings, Told, diagnose, prior_check
 from dsd_cli.identify.verdict.levels import log_levels, said_of
-from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 AS_GIVEN, REFIT = "as given", "refit"
@@ -201,8 +200,6 @@ class _Climb:
             said = tuple(dict.fromkeys((*self.mended.said, *last.warnings)))
             last = replace(last, mended=self.mended, warnings=said)
         settings = replace(self.settings, inverse=last.inverse)
-        if last.verdict == NONE:
-            last = with_stability(last, self.recordings, self.steps[-1].model, settings)
         if len(self.steps) == 1:
             found = (last.refitted_values, last.refitted_correlations, last.warnings, last.levels)
             return Ladder(tuple(self.steps), last.verdict, stopped, last, names, *found, last.missing)

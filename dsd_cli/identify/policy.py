@@ -1,6 +1,7 @@
 """Every threshold that changes an answer, in one place; docs/how/policy.md has the same table (a test).
 
-Nats are natural logarithms of likelihood ratios on data that a fit did not see. Budgets of computing stand in `Budget`.
+Nats are natural logarithms of likelihood ratios on data that a fit did not see. Budgets of computing stand
+where they are spent.
 """
 
 from __future__ import annotations
@@ -87,8 +88,6 @@ class Policy:
     unexplained_factor: float = 2.0  # of the power in their worst window, from which on it joins them
 
     # -- reconstructed motion --
-    ripple_share: float = 0.15  # of what is left, that a ripple over the position holds; of noise none holds 0.03
-    path_rounds: int = 6  # in which a set settles on its path, and a path beside its set; each halves a step too far
     most_drift: float = 0.7  # of the range of the position, by which it may drift and still be used
     most_travel: float = 1.5  # times the least travel of any speed offset: an axis that works comes back
     told_deviations: float = 2.0  # standard errors that the values of an effect must be away from 0
@@ -124,7 +123,7 @@ class Policy:
     clear_fall: float = 0.1  # share of what is left that pushes, a filter, a path or an unconfirmed effect take off
     stands_in: float = 3.0  # times what is left; what takes off no more stands in for another law half the time
     rows_of_a_choice: float = 3.0  # independent equations that halve a belief; times the square of the set's size
-    surest_in_doubt: float = 0.9  # "unknown", for the search may have missed an effect; what parts do not bear out
+    surest_in_doubt: float = 0.9  # "unknown", for the search may have missed an effect; pushes in time
 
     # -- values --
     value_deviations: float = 4.0  # standard errors from which on a value is wrong, or a load has a frequency, or a gap

@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
-from typing import Any, Literal
+from dataclasses import dataclass, field, replace
+from typing import Literal
 
-from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.recordings.excerpts import Deviations
 from dsd_cli.identify.recordings.recording import Mended
 from dsd_cli.plant.model import DELAY as DELAY
 from dsd_cli.plant.model import INERTIA as INERTIA
 from dsd_cli.plant.model import PlantModel
-from dsd_cli.signals.units import PER_UNIT, Units
+from dsd_cli.signals.units import Units
 
 #: Verdicts that are no effect.
 NONE, UNKNOWN = "none", "unknown"
@@ -47,6 +46,27 @@ class Estimate:
 Estimates = Mapping[str, Estimate]
 #: (value, value, correlation) of pairs that a log hardly separates, the strongest first.
 Correlations = tuple[tuple[str, str, float], ...]
+
+
+@dataclass(frozen=True)
+class Missing:
+    """An effect that belongs to what the model as given lacks. probability : that it does, whatever else is missing."""
+
+    effect: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """What the effects that were found leave of u beyond the sensor's noise.
+
+    share_of_u : its rms over that of u, within the band; if unknown, no less than is explained of it. probability :
+    that anything is there. on : channels on which it depends, as far as that is known.
+    """
+
+    share_of_u: float = math.nan
+    probability: float = math.nan
+    on: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -104,15 +124,6 @@ class Ceiling:
 
 
 @dataclass(frozen=True)
-class Variant:
-    """The verdict on a part of the data or another band: `what` says how, `same` whether it is the same."""
-
-    what: str
-    verdict: str
-    same: bool
-
-
-@dataclass(frozen=True)
 class LogLevels:
     """A value that differs between logs of one rig (`Effect.varies`).
 
@@ -147,7 +158,7 @@ class Diagnosis:
     found : the whole set of effects that the search found; the verdict is the one of them that is worth most alone.
     whole_model : with all of them; None where nothing was found. whole_values : its values, where they are several,
         whole_heldout_rmse : and its held-out error there.
-    correlations : of the estimates. stability : the verdict with half of the data, and with half and twice the band.
+    correlations : of the estimates.
     band_hz, floor : end of the band in which forces were balanced, Hz; rms of r that the sensor alone leaves in it.
     levels : values that differ between the logs: every error but `score` is beside them. inverse : whether u by the
         motion was evidence, not the motion by u.
@@ -175,7 +186,6 @@ class Diagnosis:
     warnings: tuple[str, ...] = ()
     depends_on: tuple[str, ...] = ()
     correlations: Correlations = ()
-    stability: tuple[Variant, ...] = ()
     given: PlantModel = field(default_factory=PlantModel)
     units: Units = field(default_factory=Units)
     refitted_values: Estimates = field(default_factory=dict)
@@ -271,28 +281,3 @@ def own_values(estimates: Estimates, effect: str) -> Estimates:
 def without_errors(estimates: Estimates) -> Estimates:
     """Values whose standard errors hold for a model that lacks nothing, said of one that does."""
     return {name: replace(one, std_error=math.nan, grade="") for name, one in estimates.items()}
-
-
-def in_units(result: Any, units: Units) -> Any:
-    """A result whose estimates are in the user's units by name; numbers stay as they are (SI, u as it is)."""
-    if isinstance(result, Estimate):
-        return replace(result, unit=units.words(result.unit))
-    if isinstance(result, Mapping):
-        return {name: in_units(value, units) for name, value in result.items()}
-    if isinstance(result, tuple):
-        return tuple(in_units(value, units) for value in result)
-    if isinstance(result, Units):
-        return units
-    if isinstance(result, Diagnosis) and units.is_force and PER_UNIT in result.advice:
-        result = replace(result, advice=tuple(line for line in result.advice if line != PER_UNIT))
-    if isinstance(result, Diagnosis | Candidate | Addition | Step | Ladder | LogLevels):
-        held = {f.name: getattr(result, f.name) for f in fields(result)}
-        return replace(result, **{name: in_units(x, units) for name, x in held.items() if name in _WITH_UNITS})
-    return result
-
-
-#: Fields of results in which there are estimates.
-_WITH_UNITS = {
-    *("parameters", "all_values", "ranking", "estimates", "refitted_values", "whole_values", "units"),
-    *("steps", "last", "values", "levels"),
-}

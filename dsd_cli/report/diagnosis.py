@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 from dsd_cli.identify.results import Candidate, Diagnosis, Estimates, Score
@@ -24,7 +24,7 @@ from dsd_cli.report.names import (
     percent,
     values_text,
 )
-from dsd_cli.report.prior_conflicts import against_json, no_confirmation
+from dsd_cli.report.prior_conflicts import against_json
 from dsd_cli.report.terminal import Hanging, escaped
 from dsd_cli.report.two_numbers import believed, missing_json, two_answers, unexplained_json
 from dsd_cli.report.values_table import correlation_lines, correlations_json
@@ -58,7 +58,6 @@ def to_json(report: DiagnosisReport) -> dict[str, Any]:
         "found": list(result.found),
         **_set_json(result),
         **levels_json(result.levels),
-        "stability": [asdict(one) for one in result.stability],
         **score_json(result.score),
         **balance_json(result.band_hz, result.floor, result.units),
         "refitted": score_json(result.refitted),
@@ -85,17 +84,6 @@ def score_json(score: Score) -> dict[str, float | None]:
         "fit_percent": number_or_none(score.fit_percent),
         "relative_error_percent": number_or_none(score.relative_error_percent),
     }
-
-
-def stability_line(result: Diagnosis) -> str:
-    """Whether the verdict is another with half of the data, or half and twice the band; "" where nobody looked."""
-    if not result.stability:
-        return ""
-    other = [one for one in result.stability if not one.same]
-    looked = listed(one.what for one in result.stability)
-    if not other:
-        return f"the same with {looked}{no_confirmation(result)}"
-    return "not sure: " + "; ".join(f"with {one.what} it is {one.verdict}" for one in other)
 
 
 def _set_json(result: Diagnosis) -> dict[str, Any]:
@@ -190,7 +178,6 @@ def _closing_lines(report: DiagnosisReport) -> list[str]:
         lines.append(f"found together: {found_text(result)}")
     if not result.blocked:
         lines += two_answers(result.missing, result)
-    lines += [f"verdict on parts: {line}" for line in [stability_line(result)] if line]
     shown_above = tuple(f"{effect}." for effect in result.found) if result.whole_values else ()
     along = {k: e for k, e in result.estimates.items() if not k.startswith(shown_above)} if result.estimates else {}
     if along:

@@ -22,7 +22,7 @@ from dsd_cli.identify.results import (
 from dsd_cli.identify.verdict.contradictions import kept_values
 from dsd_cli.learn.results import LEARNT
 from dsd_cli.report import terminal
-from dsd_cli.report.diagnosis import named, plain_table, score_json, stability_line
+from dsd_cli.report.diagnosis import named, plain_table, score_json
 from dsd_cli.report.head import head
 from dsd_cli.report.levels import levels_json
 from dsd_cli.report.names import (
@@ -188,8 +188,6 @@ def print_ladder(report: LadderReport, file: Any) -> None:
     for one in report.validation:
         for line in validation_lines(one, result.last.units):
             console.print(escaped(line))
-    if line := stability_line(result.last):
-        console.print(escaped(f"verdict on parts: {line}"))
     back = {step.effect for step in result.steps if step.kind == "taken back"}
     added = [step.effect for step in result.steps if step.effect not in back]
     for line in [] if result.last.blocked else two_answers(result.missing, result.last, added):

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from dsd_cli.identify.results import Diagnosis
-from dsd_cli.identify.verdict.contradictions import Contradiction, kept_values
+from dsd_cli.identify.verdict.contradictions import Contradiction
 from dsd_cli.report.names import listed
 
 
@@ -44,9 +44,3 @@ def against_json(result: Diagnosis) -> list[dict[str, Any]]:
         for one in found
         if isinstance(one, Contradiction)
     ]
-
-
-def no_confirmation(result: Diagnosis) -> str:
-    """An end for a line on parts of the data, asked with the same values given; "" where that is no matter."""
-    names = kept_values(result.warnings)
-    return f", all with {listed(names)} as given: no confirmation of that" if names else ""

@@ -6,9 +6,8 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.results import Diagnosis
+from dsd_cli.identify.results import Diagnosis, Missing, Unexplained
 from dsd_cli.report.names import error, listed, number_or_none, percent, values_text
 
 #: Why errors of values do not hold beside what is unexplained: they count it as noise that goes with no effect.

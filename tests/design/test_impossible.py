@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.design.impossible import not_by_motion
-from dsd_cli.identify.missing import Unexplained
+from dsd_cli.identify.results import Unexplained
 
 
 @pytest.mark.parametrize(("probability", "planned"), [(0.86, False), (0.2, True), (np.nan, True)])

@@ -23,11 +23,10 @@ from dsd_cli.design.targets import targets_of, within_reach
 from dsd_cli.errors import DataError, UsageError
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.missing import Unexplained
 from dsd_cli.identify.recordings.recording import Recording, prepare
-from dsd_cli.identify.results import NONE, UNKNOWN, Diagnosis
-from dsd_cli.identify.search.long_logs import searched_with
+from dsd_cli.identify.results import NONE, UNKNOWN, Diagnosis, Unexplained
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.task import searched_with
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.controllers import ControllerSettings, Gains
 from dsd_cli.plant.model import EffectValues, ObserverSettings, PlantModel

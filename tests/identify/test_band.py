@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from dsd_cli.identify.fit.band import ROWS_PER_BAND_HZ, band_of, chosen_band
-from dsd_cli.identify.fit.noise import HALF, passed_variance
+from dsd_cli.identify.fit.band import HALF, ROWS_PER_BAND_HZ, band_of, chosen_band, passed_variance
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.spectrum import SensorNoise
 

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.compare.balance import Balance, balance_of
-from dsd_cli.identify.compare.comparison import compare
-from dsd_cli.identify.compare.dependence import channels_of, dependence, explained_share
+from dsd_cli.identify.compare.comparison import channels_of, compare, dependence, explained_share
 from dsd_cli.identify.fit.blocks import lay_blocks
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.plant.model import ObserverSettings, PlantModel

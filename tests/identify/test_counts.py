@@ -7,8 +7,8 @@ import pytest
 
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
-from dsd_cli.identify.recordings.counts import rounding, with_counts
 from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.recordings.sensor import rounding, with_counts
 from dsd_cli.identify.recordings.smoothing import regularised
 from dsd_cli.identify.recordings.spectrum import bend
 from dsd_cli.plant.model import ObserverSettings, PlantModel

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.fit.covariance import Information
-from dsd_cli.identify.fit.estimates import correlations_of
+from dsd_cli.identify.fit.priors import correlations_of
 
 BLOCKS, ROWS, LOGS = 12, 30, 2000
 

@@ -6,12 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsd_cli.identify.fit.band import band_of
+from dsd_cli.identify.fit.band import HALF, band_of
 from dsd_cli.identify.fit.bank import Bank, drive
 from dsd_cli.identify.fit.blocks import lay_blocks
 from dsd_cli.identify.fit.equations import equations_of
 from dsd_cli.identify.fit.errors import Errors
-from dsd_cli.identify.fit.noise import HALF
 from dsd_cli.identify.fit.stretches import MEAN_OF_MIDDLES
 from dsd_cli.identify.fit.values import coefficients_of, terms_of
 from dsd_cli.identify.policy import POLICY

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dsd_cli.identify.fit.estimates import averaged
+from dsd_cli.identify.fit.priors import averaged
 from dsd_cli.identify.results import Estimate
 
 KNOWN = {"inertia": Estimate(1.0, 0.01, "kg m^2"), "viscous_friction.coefficient": Estimate(2.0, 0.02, "u/v")}

@@ -14,8 +14,8 @@ from dsd_cli.identify.recordings.excerpts import Deviations, with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import Estimate
 from dsd_cli.identify.search.levels import Asked, deviations, levelled
-from dsd_cli.identify.search.long_logs import Task
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.task import Task
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.levels import log_levels, said_of, stand_ins
 from dsd_cli.plant.references import Multisine

@@ -14,7 +14,7 @@ from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.improve import improve
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.drift_search import searched
-from dsd_cli.identify.search.long_logs import Task
+from dsd_cli.identify.search.task import Task
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.identify.verdict.unacted_command import _despiked, _without_lines

@@ -13,10 +13,10 @@ from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import excerpts, with_part
 from dsd_cli.identify.search.drift_search import searched
-from dsd_cli.identify.search.long_logs import Task, posed
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.task import Task, posed
 from dsd_cli.identify.verdict.diagnose import diagnose
-from tests.identify.outside_rig import asked, diagnosed
+from tests.identify.outside_rig import asked
 from tests.identify.search_rig import BELIEVED, OBSERVER, T, seen
 from tests.oracle import machines
 from tests.oracle.rig import RigCase, make, make_exact
@@ -153,25 +153,6 @@ def test_a_spring_whose_zero_nobody_logged_is_one_spring(what, seed):
     assert found.probability <= POLICY.even
     coefficient = found.ranking[0].parameters["coefficient"]
     assert coefficient.value == pytest.approx(log.truth["effects"][what]["coefficient"], rel=0.02)
-
-
-def test_pushes_hide_that_a_reconstructed_speed_is_off_by_a_constant():
-    """Viscous friction of a wrong speed left four times the floor beside two pushes: "unknown", 90 %."""
-    found = diagnosed(("external_force",), 64021, "udhat", effects=FEW.effects)
-    assert (found.verdict, found.found) == ("external_force", ("external_force",))
-
-
-@pytest.mark.parametrize("seed", [64321])
-def test_a_ripple_tells_how_fast_a_reconstructed_position_creeps(seed):
-    """Creeping by two radians in 20 s, 34 periods a radian are no function of the position: "unknown", 90 %."""
-    (log,) = make([RigCase(what=("cogging",), seed=seed, sensing="udhat")])
-    recording, model, observer = asked(log)
-    found = diagnose([recording], model, observer, OF_PLACE)
-    assert found.verdict == "cogging"
-    assert found.probability <= POLICY.even
-    for name in ("periods", "amplitude"):
-        truth = log.truth["effects"]["cogging"][name]
-        assert found.ranking[0].parameters[name].value == pytest.approx(truth, rel=2e-3)
 
 
 def test_rests_tell_a_reconstructed_speed_where_friction_holds_the_axis():

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from dsd_cli.identify.fit.band import band_of
-from dsd_cli.identify.fit.noise import (
+from dsd_cli.identify.fit.band import (
     HALF,
     ForceNoise,
+    band_of,
     end_of,
     fitted_noise,
     response,

@@ -1,7 +1,6 @@
 """How sure a name is: less where much stays unexplained beside it, hardly less in a short log that leaves nothing."""
 
 import math
-from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -12,9 +11,9 @@ from hypothesis import strategies as st
 from dsd_cli.identify.final_fit import add_effect
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.testability import Settings
-from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.results import Missing, Unexplained
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.verdict import discrepancy, judgement, probability
 from dsd_cli.identify.verdict.belief import UnnamedLaws
@@ -22,10 +21,8 @@ from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.discrepancy import Discrepancy
 from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.probability import Membership
-from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
-from tests.report.examples import DIAGNOSIS
 
 STEP, INERTIA, LEVEL = 0.002, 0.05, 0.4
 OBSERVER = ObserverSettings(INERTIA, 0.02)
@@ -196,14 +193,6 @@ def test_what_the_verdict_takes_the_place_of_is_no_surer_than_the_verdict(monkey
     assert verdict.missing == (Missing("constant_load", 0.33),)
 
 
-def test_a_doubtful_answer_is_not_asked_again_on_parts():
-    """What four more searches found could not change it: nothing is asked, so that no recording is needed."""
-    doubtful = replace(DIAGNOSIS, probability=POLICY.surest_in_doubt)
-    assert with_stability(doubtful, (), PlantModel(INERTIA, 0.0, {}), Settings()) is doubtful
-    with pytest.raises(IndexError):
-        with_stability(replace(DIAGNOSIS, probability=0.95), (), PlantModel(INERTIA, 0.0, {}), Settings())
-
-
 def left_in(rmse: float, untestable: dict[str, str] | None = None, floor: float = 0.001):
     """A search of which such an rms is left, of u, and none of whose effects takes anything off."""
     errors = SimpleNamespace(force=1.0, rmse=lambda _fit: rmse, white=lambda _fit: False)
@@ -364,34 +353,6 @@ def test_a_note_says_of_what_log_a_value_is_not_identifiable(shown, said, monkey
     monkeypatch.setattr(Verdict, "_rivals", lambda _self, _effect: ())
     option = SimpleNamespace(effect="stiffness", fit=SimpleNamespace(terms=(), tap=0))
     assert f"not identifiable from {said}: " in verdict._candidate(option, score, score, shown=shown).note
-
-
-def _of_inertias(given: float, whole: tuple[float, float], rest: tuple[float, str]) -> SimpleNamespace:
-    """A search that found one member: inertia and standard error with it, inertia and grade without."""
-    member, found = SimpleNamespace(id="flexible_coupling"), SimpleNamespace(value=whole[0], std_error=whole[1])
-    alone = SimpleNamespace(estimates={"inertia": SimpleNamespace(value=rest[0], grade=rest[1])})
-    problem = SimpleNamespace(model=SimpleNamespace(inertia=given), values=lambda fit: alone)
-    return SimpleNamespace(
-        problem=problem,
-        values=lambda fit: SimpleNamespace(estimates={"inertia": found}),
-        added=lambda terms: (member,),
-        without=lambda fit, *members: fit,
-    )
-
-
-@pytest.mark.parametrize(
-    ("whole", "rest", "refused"),
-    [
-        ((0.102, 0.008), (0.021, "identified"), "flexible_coupling"),
-        ((0.102, 0.03), (0.021, "identified"), ""),  # it may be twice the given one
-        ((0.05, 0.001), (0.021, "identified"), ""),  # a load that the believed inertia was without
-        ((0.102, 0.008), (0.101, "identified"), ""),  # the given one is wrong, whatever is missing
-        ((0.102, 0.008), (0.021, "weak"), ""),  # what is missing hides the inertia
-    ],
-)
-def test_what_needs_another_inertia_than_is_given_and_seen_is_no_name(whole, rest, refused):
-    fit = SimpleNamespace(terms=())
-    assert probability.overturning(_of_inertias(0.02, whole, rest), fit) == refused
 
 
 @pytest.mark.parametrize(

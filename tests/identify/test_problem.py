@@ -7,9 +7,9 @@ import pytest
 
 from dsd_cli.effects import catalogue
 from dsd_cli.errors import DataError
+from dsd_cli.identify.fit.band import structured_share
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
-from dsd_cli.identify.fit.noise import structured_share
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.fit.row_weights import inflation
 from dsd_cli.identify.policy import POLICY

@@ -10,9 +10,9 @@ from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.results import Estimate
-from dsd_cli.identify.search.long_logs import _deviations, identified_only
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import apart, names_to_try, refined, renamed
+from dsd_cli.identify.search.task import _deviations, identified_only
 from dsd_cli.identify.verdict.diagnose import strongest_first
 from tests.identify.search_rig import BELIEVED, MOVES, posed, seen
 

@@ -2,7 +2,6 @@
 
 import math
 import sys
-from dataclasses import replace
 from functools import cache
 from types import SimpleNamespace
 
@@ -21,7 +20,6 @@ from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.improve import improve
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search import response
-from dsd_cli.identify.search.long_logs import Task
 from dsd_cli.identify.search.response import response_of
 from dsd_cli.identify.search.seen import Seen
 from dsd_cli.identify.search.sets import Search
@@ -34,9 +32,9 @@ from dsd_cli.identify.search.signals import (
     strongest_line,
     without_line,
 )
+from dsd_cli.identify.search.task import Task
 from dsd_cli.identify.verdict import resonance
 from dsd_cli.identify.verdict.diagnose import diagnose
-from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
 from tests.oracle import machines, rig_parts
@@ -363,16 +361,6 @@ def test_the_load_of_a_model_moves_as_that_of_the_axis_did(seed, sensing):
     error, other = (np.std(x[late] - true[late]) / np.std(true[late]) for x in (moved, by_motion))
     assert error < 0.05
     assert other > error
-
-
-def test_halves_of_a_log_are_asked_with_the_load_as_it_was_driven(loose):
-    """By the encoder alone no half of it shows the load; that the response does must not be all that keeps it."""
-    few = Settings(("backlash",))
-    found = diagnose([loose.recording], loose.model, loose.observer, few)
-    by_balance = replace(found, ranking=tuple(replace(one, seen={}) for one in found.ranking))
-    again = with_stability(by_balance, [loose.recording], loose.model, few)
-    assert [one.same for one in again.stability[:2]] == [True, True]
-    assert again.probability == found.probability
 
 
 def test_beside_a_lag_a_load_is_driven_by_the_delay_that_was_found_with_it(monkeypatch):

@@ -13,8 +13,8 @@ from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search import evidence
 from dsd_cli.identify.search.evidence import preferred
-from dsd_cli.identify.search.long_logs import Task, searched_as_is
 from dsd_cli.identify.search.sets import Search, _apart
+from dsd_cli.identify.search.task import Task, searched_as_is
 from dsd_cli.identify.verdict import command_time
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.references import Multisine

@@ -8,12 +8,11 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from dsd_cli.identify.fit.band import band_of
+from dsd_cli.identify.fit.band import band_of, passed_variance
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, Bank, Design, Term, not_negative
 from dsd_cli.identify.fit.blocks import lay_blocks
 from dsd_cli.identify.fit.direction import best_delay
 from dsd_cli.identify.fit.equations import equations_of
-from dsd_cli.identify.fit.noise import passed_variance
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.recordings.spectrum import SensorNoise

@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 from dsd_cli.effects import Role, get_effect
-from dsd_cli.identify.fit.band import band_of
+from dsd_cli.identify.fit.band import ForceNoise, band_of, passed_variance, whitening
 from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, Term
 from dsd_cli.identify.fit.blocks import lay_blocks
 from dsd_cli.identify.fit.covariance import information
 from dsd_cli.identify.fit.equations import equations_of
-from dsd_cli.identify.fit.noise import ForceNoise, passed_variance, whitening
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.values import Scale, coefficients_of, fitted_values, flat, terms_of

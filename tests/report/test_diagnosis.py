@@ -9,10 +9,10 @@ import pytest
 
 from dsd_cli.errors import DataError
 from dsd_cli.files.config import parse_config
-from dsd_cli.identify.missing import Missing, Unexplained
-from dsd_cli.identify.results import Candidate, Estimate, in_units
+from dsd_cli.identify.results import Candidate, Estimate, Missing, Unexplained
 from dsd_cli.report.diagnosis import DiagnosisReport, print_table, to_json
 from dsd_cli.report.figure import rendered
+from dsd_cli.report.in_units import in_units
 from dsd_cli.report.names import moves, percent
 from dsd_cli.report.plots_diagnosis import draw
 from dsd_cli.report.verdict import once_late, verdict_line

@@ -9,8 +9,7 @@ import pytest
 from rich.console import Console
 
 from dsd_cli.identify.compare.balance import Force
-from dsd_cli.identify.missing import Missing, Unexplained
-from dsd_cli.identify.results import Estimate, Score, Step
+from dsd_cli.identify.results import Estimate, Missing, Score, Step, Unexplained
 from dsd_cli.report.addition import AdditionReport, add_json, print_addition
 from dsd_cli.report.diagnosis import named, plain_table
 from dsd_cli.report.figure import rendered

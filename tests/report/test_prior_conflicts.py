@@ -2,9 +2,8 @@
 
 from dataclasses import replace
 
-from dsd_cli.identify.results import Estimate, Variant
+from dsd_cli.identify.results import Estimate
 from dsd_cli.identify.verdict.contradictions import Contradiction
-from dsd_cli.report.diagnosis import stability_line
 from dsd_cli.report.prior_conflicts import first_of_all, once
 from dsd_cli.report.values_table import correlation_lines
 from tests.report.examples import DIAGNOSIS
@@ -43,17 +42,6 @@ def test_a_prior_that_gave_way_is_nothing_to_look_at_first():
     soft = Contradiction.of("inertia", "prior", "= 0.01 pulls against its prior 0.012 +- 0.0002", hard=False)
     assert end(soft) == "; this log is against the prior of inertia, which gave way"
     assert "look at that first" in end(soft, BOUND)
-
-
-def test_a_verdict_that_changes_on_half_of_the_data_says_which_way():
-    same = Variant("the first half of the data", DIAGNOSIS.verdict, True)
-    other = Variant("the second half", "none", False)
-    assert stability_line(DIAGNOSIS) == ""
-    assert stability_line(replace(DIAGNOSIS, stability=(same,))) == "the same with the first half of the data"
-    assert stability_line(replace(DIAGNOSIS, stability=(same, other))) == "not sure: with the second half it is none"
-    told = replace(DIAGNOSIS, stability=(same,), warnings=(held(1, 2), BOUND))
-    line = "the same with the first half of the data, all with inertia and coulomb_friction.level as given: "
-    assert stability_line(told) == line + "no confirmation of that"
 
 
 def test_values_of_which_a_log_leaves_one_open_are_named_with_what_they_go_with():

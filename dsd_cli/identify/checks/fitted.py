@@ -21,7 +21,7 @@ from dsd_cli.identify.fit.blocks import grams
 from dsd_cli.identify.fit.covariance import Information
 from dsd_cli.identify.fit.direction import best_delay, certainly_late, explains_most
 from dsd_cli.identify.fit.equations import equations_of
-from dsd_cli.identify.fit.estimates import grade, known_to
+from dsd_cli.identify.fit.priors import grade, known_to
 from dsd_cli.identify.fit.problem import functions_of_motion, pose
 from dsd_cli.identify.fit.row_weights import residual_of_u
 from dsd_cli.identify.fit.solve import Fit

@@ -10,7 +10,7 @@ from typing import cast
 from dsd_cli.effects import get_effect
 from dsd_cli.identify.checks.fitted import Sides
 from dsd_cli.identify.checks.results import Parameter
-from dsd_cli.identify.fit.estimates import Grade, grade
+from dsd_cli.identify.fit.priors import Grade, grade
 from dsd_cli.identify.fit.values import Fitted
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Estimate

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
-from dsd_cli.identify.fit.estimates import Grade
+from dsd_cli.identify.fit.priors import Grade
 from dsd_cli.signals.units import KeysOf, Units
 
 if TYPE_CHECKING:

@@ -20,7 +20,7 @@ from dsd_cli.effects import Role, catalogue, get_effect
 from dsd_cli.identify.fit.bank import INERTIA, Bank, Terms, inputs_of
 from dsd_cli.identify.fit.blocks import total_gram, without_noise
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.estimates import known_to
+from dsd_cli.identify.fit.priors import known_to
 from dsd_cli.identify.fit.row_weights import shared_inflation, still_rows
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.values import Fitted, whole_inertia

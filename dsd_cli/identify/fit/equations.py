@@ -16,8 +16,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dsd_cli.identify.fit.band import Band, band_of, own_bands
-from dsd_cli.identify.fit.noise import HALF
+from dsd_cli.identify.fit.band import HALF, Band, band_of, own_bands
 from dsd_cli.identify.fit.stretches import DelayTap, Stretch, stretch_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
@@ -33,7 +32,7 @@ class Equations:
 
     bands : of each recording: what one of them does not show another may.
     startup : samples at the beginning of each stretch that depend on a u before the log; excluded.
-    whitening : of each recording, taps over rows (`noise.whitening`); (1,) leaves rows in the unit of u.
+    whitening : of each recording, taps over rows (`band.whitening`); (1,) leaves rows in the unit of u.
     row_weight : of each whitened row, a factor; None weighs all alike.
     """
 

@@ -10,11 +10,11 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from dsd_cli.identify.fit.band import ForceNoise, fitted_noise, passed_variance, white_to_the_end, whitening
 from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, Term, has_friction
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
-from dsd_cli.identify.fit.noise import ForceNoise, fitted_noise, passed_variance, white_to_the_end, whitening
 from dsd_cli.identify.fit.row_weights import inflation, still_rows, weighed
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.values import Scale, coefficients_of, terms_of, whole_inertia

@@ -7,8 +7,7 @@ paid for by a drift.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 
@@ -32,11 +31,6 @@ SHARES = (1.0, 0.5, 0.25)
 #: Zeros and constant speeds that are tried, each side of none, and how far they reach, in ranges of the motion: over
 #: the whole recording, for a speed.
 ZEROS, SPEEDS, FAR, CREEP = 6, 4, 1.0, 0.6
-#: Ripples over the position: periods from so many over the travel, by so many steps for each of them, up to so many
-#: times those that pass at the end of the band at the usual speed, so many at most; the largest constant speed, of the
-#: usual one; and rows of a piece: in few chance is a ripple, and over many no constant speed lasts.
-FEWEST, FINE, FASTEST, MOST_RIPPLES, CREEPING = 2.0, 2, 4.0, 800, 0.15
-FEWEST_ROWS, MOST_ROWS = 200, 20_000
 
 
 def without_drift(problem: Problem, fit: Fit, recordings: Sequence[Recording]) -> tuple[Recording, ...]:
@@ -65,58 +59,6 @@ def placed(problem: Problem, fit: Fit, recordings: Sequence[Recording]) -> Place
     left = sum(path.cost(start) for path, start in found)
     before = sum(path.cost(0.0 * start) for path, start in found)
     return Placed(left, before, _each(problem, [(path, *path.split(start)) for path, start in found]))
-
-
-def along_ripple(problem: Problem, fit: Fit, recordings: Sequence[Recording]) -> tuple[float, tuple[Recording, ...]]:
-    """(share of the residual's power that a ripple over the position holds, recordings moved to where it is one); (0,
-    the same) where nothing would move.
-
-    Where the position creeps by s t, a ripple of n periods a radian is a line in n q - w t, with w = n s: the spectrum
-    over time of the residual times exp(i n q) shows both at once. `recordings` : as for `without_drift`.
-    """
-    equations = problem.errors.equations
-    fitting = [p for p in _paths(problem, fit, recordings) if "position" in p.piece and p.span > 0.0]
-    paths = [p for p in fitting if FEWEST_ROWS <= equations.lengths[p.index] <= MOST_ROWS]
-
-    def rows(of_sample: Callable[[Stretch], Array]) -> list[Array]:
-        return equations.by_stretch(equations.of_rows([of_sample(s) for s in equations.stretches]))
-
-    times, places = rows(lambda s: s.frame.times), rows(lambda s: s.mean.position)
-    residual = equations.by_stretch(problem.errors.residual(fit, held_out=False))
-    usual = float(np.sqrt(np.mean(np.concatenate(rows(lambda s: s.mean.velocity)) ** 2)))
-    finest = 2.0 * np.pi / max((path.span for path in paths), default=math.inf)
-    highest = FASTEST * 2.0 * np.pi * equations.band.hz / usual if usual > 0.0 else 0.0
-    if not paths or not highest > FEWEST * finest:
-        return 0.0, tuple(recordings)
-    periods = np.arange(FEWEST * finest, highest, finest / FINE)[:MOST_RIPPLES]
-    most = CREEPING * usual
-    found = [ripples(residual[p.index], times[p.index], places[p.index], periods, most) for p in paths]
-    power = [float(np.sum(residual[p.index] ** 2)) for p in paths]
-    shares = np.average([share for share, _ in found], axis=0, weights=power)
-    best = int(np.argmax(shares))
-    if not any(off[best] for _, off in found):
-        return 0.0, tuple(recordings)
-    moves = [(p, np.full(len(p.piece), -off[best]), 0.0) for p, (_, off) in zip(paths, found, strict=True)]
-    return float(shares[best]), _each(problem, moves)
-
-
-def ripples(left: Array, times: Array, place: Array, periods: Array, most: float) -> tuple[Array, Array]:
-    """Of ripples of these periods a radian: (share of the power of `left`, constant speed of the place), shape (k,).
-
-    left, times, place : rows, shape (n,). most : largest of these speeds.
-    """
-    size = 2 * len(left)
-    late = 2.0 * np.pi * np.fft.fftfreq(size, float(np.median(np.diff(times))))
-    window = np.hanning(len(left))
-    windowed = (left - left.mean()) * window
-    whole = 0.5 * float(np.sum(window)) ** 2 * float(np.var(left))  # of a pure line
-    shares, speeds = np.zeros(len(periods)), np.zeros(len(periods))
-    for i, n in enumerate(periods):
-        power = np.abs(np.fft.fft(windowed * np.exp(1j * n * place), size)) ** 2
-        power[np.abs(late) > most * n] = 0.0
-        top = int(np.argmax(power))
-        shares[i], speeds[i] = float(power[top]) / max(whole, 1e-300), late[top] / n
-    return shares, speeds
 
 
 def _each(problem: Problem, found: Sequence[tuple[_Path, Array, float]]) -> tuple[Recording, ...]:

@@ -12,8 +12,7 @@ import numpy as np
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import FIXED, Term, Terms
 from dsd_cli.identify.fit.covariance import Information
-from dsd_cli.identify.fit.estimates import correlated, correlations_of, estimated, with_correlations
-from dsd_cli.identify.fit.priors import PriorKnowledge
+from dsd_cli.identify.fit.priors import PriorKnowledge, correlated, correlations_of, estimated, with_correlations
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Correlations, Estimate

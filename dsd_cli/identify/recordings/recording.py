@@ -18,9 +18,8 @@ import numpy as np
 from dsd_cli.effects.memory import Coupling
 from dsd_cli.errors import DataError, TooShort
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.counts import with_counts
 from dsd_cli.identify.recordings.reconstruction import drift
-from dsd_cli.identify.recordings.sensor import Sensor, check_signs, net_force, with_acceleration
+from dsd_cli.identify.recordings.sensor import Sensor, check_signs, net_force, with_acceleration, with_counts
 from dsd_cli.identify.recordings.smoothing import Smoothed, channel_noise, noise_of, regularised, smooth, widened
 from dsd_cli.identify.recordings.spectrum import NOTHING_LOST, Lost, cycle_of, lost_motion
 from dsd_cli.plant.model import ObserverSettings

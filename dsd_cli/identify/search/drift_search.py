@@ -9,16 +9,17 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from dsd_cli.identify.fit.bank import has_friction
-from dsd_cli.identify.fit.path_estimate import Placed, along_ripple, depends_on_path, placed, without_drift
+from dsd_cli.identify.fit.path_estimate import Placed, depends_on_path, placed, without_drift
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
-from dsd_cli.identify.search.long_logs import Task, searched_as_is, searched_with
-from dsd_cli.identify.search.pulses import sharpened, with_pulses
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.task import Task, searched_as_is, searched_with
 from dsd_cli.plant.model import PlantModel
 
 Found = tuple[Search, Fit]
+#: Rounds in which a set settles on its path, and a path beside its set; each halves a step too far.
+_ROUNDS = 6
 #: Paths that are followed, of effects that are asked alone, each on the path that suits it.
 _PATHS_ALONE = 2
 #: Why an effect cannot be told that another path explains as well.
@@ -35,18 +36,14 @@ def searched(task: Task) -> Found:
         return found
     paths = _Paths(task)
     first = found
-    if (along := paths.along_ripple(*found)) is not None:
-        there = searched_as_is(replace(task, recordings=along))
-        found = there if paths.better(there, found) else found
-    for _ in range(POLICY.path_rounds):
+    for _ in range(_ROUNDS):
         path = paths.settled(*found)
         if not paths.better(path, found):
             break
         found = searched_as_is(replace(task, recordings=path[0].problem.recordings))
     simpler = paths.simpler(first[0], found)
     if simpler is None:
-        beside = paths.beside_pushes(*found)
-        return found if beside is None else searched_as_is(replace(task, recordings=beside))
+        return found
     tied = [] if simpler[0].added(simpler[1].terms) else [t.id for t in found[0].added(found[1].terms)]
     rest = replace(task.settings, effects=tuple(name for name in found[0].allowed if name not in tied))
     search, whole = searched_as_is(replace(task, recordings=simpler[0].problem.recordings, settings=rest))
@@ -68,34 +65,13 @@ class _Paths:
     def settled(self, search: Search, fit: Fit) -> Found:
         """The path that suits this set, and the set there."""
         best = search, fit
-        for _ in range(POLICY.path_rounds):
+        for _ in range(_ROUNDS):
             moved = without_drift(search.problem, fit, self.task.recordings)
             search, fit = self._with(moved, search.problem.scale.model(fit))
             if not self.better((search, fit), best):
                 break
             best = search, fit
         return best
-
-    def along_ripple(self, search: Search, fit: Fit) -> tuple[Recording, ...] | None:
-        """The recordings without the constant speed that makes most of what is left a ripple over the position; None
-        where no ripple is that much."""
-        if _error((search, fit)) < POLICY.floor_factor * search.problem.floor:
-            return None
-        share, moved = along_ripple(search.problem, search.refit, self.task.recordings)
-        return moved if share > POLICY.ripple_share else None
-
-    def beside_pushes(self, search: Search, fit: Fit) -> tuple[Recording, ...] | None:
-        """The recordings on the path that suits loud pushes and this set; None where there are none, or no better path.
-
-        A speed that is off by a constant makes a constant load of viscous friction, which pushes hide until they are
-        beside it. The set that is found there may leave more than before: pushes come later (`verdict.pushes`).
-        """
-        pulses = with_pulses(search, fit)
-        if pulses is None or _error((search, pulses)) > (1.0 - POLICY.clear_fall) * _error((search, fit)):
-            return None
-        begin = search, sharpened(search, pulses)
-        path = self.settled(*begin)
-        return path[0].problem.recordings if self.better(path, begin) else None
 
     def better(self, after: Found, before: Found) -> bool:
         """Whether the held-out error falls by enough."""

@@ -26,8 +26,8 @@ from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import Deviations, excerpts, may_differ, with_levels
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.search.drift_search import searched
-from dsd_cli.identify.search.long_logs import Task
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.task import Task
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.passes import mixed
 

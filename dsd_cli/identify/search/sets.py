@@ -13,7 +13,7 @@ import numpy as np
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import Term, Terms, has_friction
 from dsd_cli.identify.fit.direction import LOAD, OneWay, best_delay, one_way
-from dsd_cli.identify.fit.estimates import averaged
+from dsd_cli.identify.fit.priors import averaged
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import Fitted, flat
 from dsd_cli.identify.policy import POLICY
@@ -41,7 +41,7 @@ __all__ = ["Option", "Search"]
 class Search(Evidence):
     """Selections of effects for a problem."""
 
-    #: A search over a part of the rows, which finds candidates for all of them (`long_logs.Judge`).
+    #: A search over a part of the rows, which finds candidates for all of them (`task.Judge`).
     excerpt: Search | None = None
 
     def searched(self, fit: Fit) -> tuple[Search, Fit]:

@@ -25,9 +25,9 @@ from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.excerpts import LATE, SMOOTHED, earlier, unfiltered
 from dsd_cli.identify.recordings.recording import Mended, Recording
-from dsd_cli.identify.search.long_logs import posed
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.signals import delay_of, enough, gains, innovations, left, signals_of
+from dsd_cli.identify.search.task import posed
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 

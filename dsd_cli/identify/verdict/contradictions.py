@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.direction import best_delay
@@ -14,9 +14,8 @@ from dsd_cli.identify.fit.problem import Problem
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.results import DELAY, INERTIA, UNKNOWN, Diagnosis, Estimate, Estimates, LogLevels
+from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Diagnosis, Estimate, Estimates, LogLevels
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.stability import no_surer
 
 #: The channel with which an inertia that is held wrongly errs.
 ACCELERATION = "acceleration"
@@ -163,6 +162,22 @@ def kept_values(said: Iterable[str]) -> tuple[str, ...]:
 def beside_told(found: Diagnosis, said: Sequence[str]) -> Diagnosis:
     """No verdict is sure beside a value that is kept from where the log would have it."""
     return no_surer(found, POLICY.even) if kept_values(said) else found
+
+
+def no_surer(found: Diagnosis, most: float, effects: Collection[str] | None = None) -> Diagnosis:
+    """No probability of these effects above that, of all of them if None: not as the verdict, nor in the set that was
+    found, nor in the ranking."""
+
+    def less(one: Any) -> Any:
+        named = effects is None or one.effect in effects
+        return replace(one, probability=min(one.probability, most)) if named else one
+
+    ranking, missing = (tuple(map(less, one)) for one in (found.ranking, found.missing))
+    said = effects is None or found.verdict in effects
+    sure, more = min(found.probability, most) if said else found.probability, found.unexplained
+    if found.verdict == NONE:
+        more = replace(more, probability=max(more.probability, 1.0 - sure))
+    return replace(found, probability=sure, ranking=ranking, missing=missing, unexplained=more)
 
 
 def in_place_of(search: Search, whole: Fit, taken: Sequence[str] = ()) -> dict[str, tuple[Contradiction, ...]]:

@@ -25,9 +25,9 @@ from dsd_cli.identify.recordings.excerpts import excerpts, may_differ, with_leve
 from dsd_cli.identify.recordings.recording import Mended, Recording
 from dsd_cli.identify.results import DELAY, NONE, Diagnosis, Estimates
 from dsd_cli.identify.search.levels import Levelled, levelled
-from dsd_cli.identify.search.long_logs import Progress, Task
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.search.shapes import renamed
+from dsd_cli.identify.search.task import Progress, Task
 from dsd_cli.identify.verdict.command_time import on_time, was_late
 from dsd_cli.identify.verdict.contradictions import Contradiction, against_told, freed, told_far_off
 from dsd_cli.identify.verdict.discrepancy import above_floor, borne_out, discrepancy_of, noise_of_u, without_imitations
@@ -36,10 +36,9 @@ from dsd_cli.identify.verdict.judgement import Verdict
 from dsd_cli.identify.verdict.levels import log_levels, with_levels_said
 from dsd_cli.identify.verdict.limits import limits_of
 from dsd_cli.identify.verdict.own_values import own_values
-from dsd_cli.identify.verdict.probability import memberships, overturning
+from dsd_cli.identify.verdict.probability import memberships
 from dsd_cli.identify.verdict.pushes import pushed
 from dsd_cli.identify.verdict.resonance import with_response
-from dsd_cli.identify.verdict.stability import with_stability
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
 Told = Callable[[Sequence[Contradiction]], None]
@@ -53,22 +52,20 @@ def diagnose(
     settings: Settings | None = None,
     holdout: Sequence[Recording] = (),
     progress: Progress | None = None,
-    stability: bool = False,
     on_told: Told = lambda _: None,
     on_found: Found = lambda _search, _whole: None,
 ) -> Diagnosis:
     """The effect that is missing most, "inertia" or "delay" if a value is wrong, "none" or "unknown".
 
     recordings : of one rig, fitted together. holdout : recordings that no fit sees; held-out errors are then of those.
-    model : believed; its values are fitted along, its effects stay. stability : ask again with half of the data, half
-        and twice the band. progress : called with what is being done and the share that is done; on_told : if the log
-        is against what was given; on_found : with search and whole set.
+    model : believed; its values are fitted along, its effects stay. progress : called with what is being done and the
+        share that is done; on_told : if the log is against what was given; on_found : with search and whole set.
 
     Raises DataError, UsageError : too short, no motion, or a needed channel is missing; recordings of different rates.
     """
     report = progress or (lambda _what, _share: None)
     given = partial(diagnose, model=model, observer=observer, settings=settings, progress=progress)
-    again = partial(given, stability=stability, on_told=on_told, on_found=on_found)
+    again = partial(given, on_told=on_told, on_found=on_found)
     asked, against = prior_check(recordings, model, settings or Settings(), report)
     if against:
         on_told(against)
@@ -90,8 +87,6 @@ def diagnose(
     if answer is not None:
         return answer
     members = {} if limits.blocked or shown.seen is not None else memberships(search, whole, beyond)
-    if members and not task.settings.taken and (refused := overturning(search, whole)):  # else values are not given
-        return again(apart.plain, settings=task.settings.without([refused]), holdout=holdout)
     options = [*search.options(search.refit), *first]
     verdict = Verdict(search, options, whole, members, own_values(search, shown), beyond, shown, limits)
     if verdict.rising:  # what raises the error stands in for something else: the search begins again without it
@@ -99,9 +94,6 @@ def diagnose(
     on_found(search, whole)
     diagnosis = with_levels_said(against_told(verdict.diagnosis(), search, whole, task.settings), search, whole, apart)
     diagnosis = stops.beside(diagnosis) if stops is not None else diagnosis
-    if stability:
-        report("how sure, on parts", 0.85)
-        diagnosis = with_stability(diagnosis, task.recordings, model, shown.settings)
     report("done", 1.0)
     return replace(diagnosis, inverse=search.solver.inverse)
 

@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 
 from dsd_cli.effects import get_effect
+from dsd_cli.identify.fit.band import structured_share
 from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import GAIN, Freeform
-from dsd_cli.identify.fit.noise import structured_share
 from dsd_cli.identify.fit.row_weights import many_sure, surely_less
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings

@@ -9,9 +9,8 @@ from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.direction import needs_acceleration
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import Fitted
-from dsd_cli.identify.missing import Missing
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Score
+from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN, Candidate, Ceiling, Diagnosis, Missing, Score
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.identify.verdict.belief import without_imitating
 from dsd_cli.identify.verdict.contradictions import contradictions

@@ -18,7 +18,7 @@ from dsd_cli.identify.recordings.excerpts import Deviations, may_differ
 from dsd_cli.identify.results import Diagnosis, Estimate, Estimates, LogLevels
 from dsd_cli.identify.search.levels import Levelled, by_log, varying
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.verdict.stability import no_surer
+from dsd_cli.identify.verdict.contradictions import no_surer
 
 #: Of a deviation: from so many means on it is no share of the mean, from so many % on without decimals.
 _MOST_MEANS, _WHOLE_PERCENT = 10.0, 10.0

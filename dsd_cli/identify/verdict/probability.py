@@ -17,9 +17,8 @@ from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import has_friction
 from dsd_cli.identify.fit.direction import DRY
 from dsd_cli.identify.fit.solve import Fit
-from dsd_cli.identify.missing import Missing, Unexplained
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.results import INERTIA, Estimates
+from dsd_cli.identify.results import Estimates, Missing, Unexplained
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.search.evidence import in_plain_laws
 from dsd_cli.identify.search.sets import Option, Search
@@ -133,7 +132,8 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     found = dict.fromkeys((*one_by_one, *(t.id for t in together), *beside))
     estimates = search.values(whole).estimates
     told = is_told(effect_id, estimates) or effect_id in search.proven(whole)
-    surest = POLICY.even if as_push or afloat or together or not told else 1.0
+    once = POLICY.surest_in_doubt if member.effect.listed else 1.0  # an event is in one part of the data alone
+    surest = POLICY.even if as_push or afloat or together or not told else once
     shares = probabilities(search, rest, [own, *options])
     return Membership(effect_id, shares, tuple(found), tuple(o.effect for o in named), surest=surest)
 
@@ -162,21 +162,6 @@ def _changed(search: Search, fit: Fit) -> float:
         if p.linear and not p.listed and not p.whole_turn and p.name in values
     ]
     return max((abs(math.log(now / was)) if now * was > 0.0 else math.inf for was, now in sizes if was), default=0.0)
-
-
-def overturning(search: Search, whole: Fit) -> str:
-    """The member beside which the axis must surely have another inertia by far than is given and than the log
-    identifies without that member, or "": a mass of five times the given one that answers 5 ms late has whatever
-    resonance explains a gain which falls with the position."""
-    found, given = search.values(whole).estimates[INERTIA], search.problem.model.inertia
-    sure = POLICY.told_deviations * found.std_error
-    nearest = min(max(given, found.value - sure), found.value + sure)
-    for member in search.added(whole.terms) if sure > 0.0 else ():
-        rest = search.problem.values(search.without(whole, member)).estimates[INERTIA]
-        apart = min(abs(math.log(nearest / one)) for one in (given, rest.value)) if rest.grade == "identified" else 0.0
-        if apart > math.log(POLICY.believed_inertia):
-            return member.id
-    return ""
 
 
 def _of_position(effect_id: str) -> bool:

@@ -11,10 +11,10 @@ from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA
 from dsd_cli.identify.search.drift_search import searched
-from dsd_cli.identify.search.long_logs import Task, searched_with
 from dsd_cli.identify.search.response import response_of
 from dsd_cli.identify.search.seen import COUPLING, PLAY, Seen, same_play
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.task import Task, searched_with
 from dsd_cli.plant.model import PlantModel
 
 #: Effects that a response can show.

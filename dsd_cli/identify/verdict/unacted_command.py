@@ -17,10 +17,10 @@ from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import ROUNDING, Settings
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Mended, Recording
-from dsd_cli.identify.search.long_logs import posed
 from dsd_cli.identify.search.response import response_of
 from dsd_cli.identify.search.seen import Seen
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.task import posed
 from dsd_cli.signals.log import Array, with_channels
 from dsd_cli.signals.windows import beside, median
 

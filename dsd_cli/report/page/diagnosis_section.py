@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 
 from dsd_cli.identify.results import Candidate, Diagnosis
-from dsd_cli.report.diagnosis import found_text, in_final_set, stability_line
+from dsd_cli.report.diagnosis import found_text, in_final_set
 from dsd_cli.report.levels import level_rows
 from dsd_cli.report.names import error, estimate_text, fall_text, force_error, listed
 from dsd_cli.report.page.html import Html, bar, joined, left, listing, name, table, tag, typeset
@@ -32,7 +32,6 @@ def diagnosis_section(story: Story) -> Html:
         title,
         tag("p", typeset(verdict_line(result, report.given)), ".", class_="verdict"),
         tag("p", f"Found together: {found_text(result)}.") if len(result.found) > 1 else None,
-        tag("p", f"Verdict on parts: {stability_line(result)}.") if result.stability else None,
         table(
             ("log", *(f"{one.deviations.name}, mean {one.mean:.4g}" for one in result.levels)),
             [(left(log), *map(typeset, values)) for log, *values in level_rows(result.levels)],

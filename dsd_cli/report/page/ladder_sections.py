@@ -6,7 +6,6 @@ import math
 
 from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.results import Estimate, Ladder, without_errors
-from dsd_cli.report.diagnosis import stability_line
 from dsd_cli.report.ladder import brought, done
 from dsd_cli.report.names import error, estimate_text, fall_text, force_error, in_words
 from dsd_cli.report.page.html import Html, bar, joined, left, listing, name, table, tag, typeset
@@ -129,13 +128,11 @@ def values_section(story: Story) -> Html:
     given = flat(result.steps[0].model)
     rows = [_value_row(key, one, given.get(key)) for key, one in result.values.items()]
     held_out = [line for one in report.validation for line in validation_lines(one, result.last.units)]
-    stable = stability_line(result.last)
     return section(
         "values",
         title,
         table(("value", "as given", "fitted, ± one standard error", "unit", "identifiability"), rows, "values"),
         listing(correlation_lines(result.correlations, result.values), "facts"),
-        tag("p", f"The last verdict on parts: {stable}.") if stable else None,
         tag("h3", "On logs that no fit saw") if held_out else None,
         listing(held_out, "facts"),
         tag("p", result.last.units.legend, class_="dim") if result.last.units.legend else None,
