@@ -249,12 +249,13 @@ def test_terms_that_go_round_in_a_circle_end_where_they_began(monkeypatch):
 @pytest.mark.parametrize(
     ("certain", "named"), [({"viscous_friction"}, "viscous_friction"), (set(), "coulomb_friction")]
 )
-def test_what_would_not_be_named_itself_is_no_name_for_what_would(pair, monkeypatch, certain, named):
+def test_a_set_that_is_certain_is_not_given_up_for_commoner_names_that_are_not(pair, monkeypatch, certain, named):
     """Of half a move of an arm the friction was certain as viscous, and as Coulomb, in whose name it went, not."""
     monkeypatch.setattr(evidence, "_as_good", lambda _search, one, _best: one.effect == "coulomb_friction")
-    monkeypatch.setattr(Search, "matters", lambda _, _less, fit: {t.id for t in fit.terms} <= certain)
+    monkeypatch.setattr(Search, "matters", lambda _, _less, fit: bool(fit.terms) and fit.terms[0].id in certain)
+    monkeypatch.setattr(Search, "without_needless", lambda _, fit, _reached: fit)
     fit = pair.fit((Term("viscous_friction"),), pair.refit.tap)
-    assert [t.id for t in evidence.in_common_terms(pair, fit).terms] == [named]
+    assert [t.id for t in pair.settled(fit).terms] == [named]
 
 
 def test_what_lowers_the_error_of_what_is_written_is_not_taken_back(pair, monkeypatch):

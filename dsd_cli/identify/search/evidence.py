@@ -219,9 +219,7 @@ def _one_commoner(search: Evidence, fit: Fit) -> Fit:
         commoner = [e for e in map(get_effect, search.allowed) if _before(e, term.effect) and e.id not in here]
         for effect in sorted((e for e in commoner if not (e.searched or e.listed)), key=lambda e: e.rarity):
             other = search.fit((*rest, Term(effect.id)), fit.tap)
-            as_good = _as_good(search, Option(effect.id, other, search.evidence(other)), own)
-            less = search.without(fit, term)  # what would not be named itself is no name for what would
-            if as_good and (search.matters(less, other) or not search.matters(less, fit)):
+            if _as_good(search, Option(effect.id, other, search.evidence(other)), own):
                 return other
         if (plain := in_plain_laws(search, fit, term)) is not None:
             lead = POLICY.least_gain if search.problem.errors.cancelled(fit, term) else 0.0
