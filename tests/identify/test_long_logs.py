@@ -76,17 +76,6 @@ def test_an_excerpt_is_where_the_axis_moves(long):
     assert part.pieces[0]["t"][-1] > LONG - 1.0
 
 
-def test_an_excerpt_is_where_u_changes(long):
-    """Of run-ups by two levels of u each excerpt had one of them: "u does not seem to drive this axis", 90 %."""
-    piece = long.pieces[0]
-    u = np.where(piece["t"] < 15.0, 0.03, 0.045)
-    speed = np.where(piece["t"] < 15.0, 1e-3 * piece["velocity"], piece["velocity"])
-    (part,) = excerpts(
-        [replace(long, pieces=(replace(piece, channels={**piece.channels, "u": u, "velocity": speed}),))]
-    )
-    assert set(part.pieces[0]["u"]) == {0.03, 0.045}
-
-
 @pytest.mark.parametrize("at", [0.5, 30.0, 59.5])
 def test_a_part_that_is_added_lies_around_its_time_and_no_sample_is_there_twice(long, at):
     parts = excerpts([long])

@@ -99,9 +99,8 @@ def _richest(piece: Log, samples: int) -> tuple[int, Log]:
     if len(piece) <= samples:
         return len(np.unique(cells)), piece
     starts = np.arange(0, len(piece) - samples + 1, max(int(_STEP * samples), 1))
-    acts = [bool(np.ptp(piece["u"][a : a + samples]) > 0.0) for a in starts]
     visited = [len(np.unique(cells[a : a + samples : 7])) for a in starts]
-    best = max(range(len(starts)), key=lambda i: (acts[i], visited[i]))
+    best = int(np.argmax(visited))
     return visited[best], _cut(piece, int(starts[best]), samples)
 
 
