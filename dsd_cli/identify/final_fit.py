@@ -141,7 +141,12 @@ def _needless(search: Search, fit: Fit, newest: str) -> tuple[str, Fit] | None:
     seen = {name.partition(".")[0] for name in search.solver.known.seen}
     older = [t for t in search.added(fit.terms) if t.id != newest and t.id not in seen]
     less = [(t.id, search.without(fit, t)) for t in older]
-    needless = [(name, one) for name, one in less if search.lead(one, fit) <= 0.0 or not search.practical(one, fit)]
+
+    def missed(one: Fit) -> bool:  # by the evidence or, beside a force without a name, by the error of what is written
+        was, now = (search.problem.score(x).heldout_rmse for x in (one, fit))
+        return (search.lead(one, fit) > 0.0 and search.practical(one, fit)) or search.problem.falls(was, now, fit)
+
+    needless = [(name, one) for name, one in less if not missed(one)]
     found = max(needless, key=lambda pair: search.evidence(pair[1]), default=None)
     return None if found is None else (found[0], search.converged(found[1]))
 

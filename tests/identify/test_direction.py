@@ -13,7 +13,9 @@ from dsd_cli.identify.fit.row_weights import weighed
 from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.improve import improve
 from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.search.long_logs import Task
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict import diagnose as diagnose_module
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log, with_channels
@@ -135,6 +137,27 @@ def test_of_an_axis_that_sticks_and_slips_the_way_that_explains_it_is_taken():
     inertia = found.estimates["inertia"]
     assert abs(inertia.value - question.truth["inertia"]) < 2.0 * inertia.std_error
     assert inertia.std_error < 0.1 * inertia.value
+
+
+@pytest.mark.parametrize(("named", "taken"), [(0, True), (1, False)])
+def test_a_way_that_names_no_force_has_explained_nothing(monkeypatch, named, taken):
+    """Of an arm on a spring the motion by u named nothing and left 94 % of J a, which is 39 % of u and J a together; u
+    by the motion named friction and the spring and left 22 % of u."""
+
+    def found(inverse: bool, terms: tuple, left: float) -> SimpleNamespace:
+        errors = SimpleNamespace(
+            force=3.54, accelerates=1.71, moving=lambda _: math.hypot(3.54, 1.71), rmse=lambda _: left, bank=None
+        )
+        solver = SimpleNamespace(inverse=inverse, inertia=1.0)
+        search = SimpleNamespace(problem=SimpleNamespace(errors=errors, reconstructed=lambda _: False), solver=solver)
+        return SimpleNamespace(search=search, whole=SimpleNamespace(terms=terms, tap=0))
+
+    ways = {None: found(False, ("any",) * named, 1.6), True: found(True, ("any",) * 3, 0.77)}
+    monkeypatch.setattr(diagnose_module, "levelled", lambda task: ways[task.settings.inverse])
+    monkeypatch.setattr(diagnose_module, "tells_by_motion", lambda *_: True)
+    monkeypatch.setattr(diagnose_module, "above_floor", lambda *_: True)
+    monkeypatch.setattr(diagnose_module, "noise_of_u", lambda *_: False)
+    assert diagnose_module._either_way(Task((), PlantModel(1.0), Settings())).search.solver.inverse is taken
 
 
 def test_friction_in_one_direction_is_named_by_its_commonest_name():

@@ -11,8 +11,9 @@ from dsd_cli.identify.fit.bank import SHARE, Term
 from dsd_cli.identify.fit.errors import Noise
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.search import evidence
+from dsd_cli.identify.search import evidence, response
 from dsd_cli.identify.search.evidence import preferred
+from dsd_cli.identify.search.play import LOG_INERTIA
 from dsd_cli.identify.search.sets import Search, _apart
 from dsd_cli.identify.search.task import Task, searched_as_is
 from dsd_cli.identify.verdict import command_time
@@ -243,6 +244,42 @@ def test_terms_that_go_round_in_a_circle_end_where_they_began(monkeypatch):
     following = dict(zip((s.terms for s in sets), (*sets[1:], sets[0]), strict=True))
     monkeypatch.setattr(evidence, "_one_commoner", lambda _, fit: following[fit.terms])
     assert evidence.in_common_terms(None, sets[1]) is sets[1]
+
+
+@pytest.mark.parametrize(
+    ("certain", "named"), [({"viscous_friction"}, "viscous_friction"), (set(), "coulomb_friction")]
+)
+def test_a_set_that_is_certain_is_not_given_up_for_commoner_names_that_are_not(pair, monkeypatch, certain, named):
+    """Of half a move of an arm the friction was certain as viscous, and as Coulomb, in whose name it went, not."""
+    monkeypatch.setattr(evidence, "_as_good", lambda _search, one, _best: one.effect == "coulomb_friction")
+    monkeypatch.setattr(Search, "matters", lambda _, _less, fit: bool(fit.terms) and fit.terms[0].id in certain)
+    monkeypatch.setattr(Search, "without_needless", lambda _, fit, _reached: fit)
+    fit = pair.fit((Term("viscous_friction"),), pair.refit.tap)
+    assert [t.id for t in pair.settled(fit).terms] == [named]
+
+
+def test_what_lowers_the_error_of_what_is_written_is_not_taken_back(pair, monkeypatch):
+    """Beside a force without a name the evidence for friction fell to nothing, and taking it back raised the error by
+    half."""
+    monkeypatch.setattr(Search, "lead", lambda *_: -1.0)
+    given = pair.problem.model
+    reached = pair.problem.scale.model(pair.fit(tuple(map(Term, PAIR)), pair.refit.tap))
+    asked = Settings(effects=NAMES)
+    ends = list(ended(pair.problem.recordings, given, reached, asked, newest="coulomb_friction"))
+    assert [end.without for end in ends] == [""]
+
+
+def test_a_motor_that_u_does_not_move_has_no_play(pair, monkeypatch):
+    """Of two levels of u a direction the inertia beside a play came out as exp(-800): "model.inertia = 0: must be"."""
+    look = response._swinging(pair, pair.refit)
+
+    def starts(self):
+        return [np.where(np.arange(7 + len(self.friction)) == LOG_INERTIA, -800.0, 0.0)]
+
+    monkeypatch.setattr(response.Play, "starts", starts)
+    monkeypatch.setattr(response.Play, "best", lambda _, starts: (starts[0], starts))
+    monkeypatch.setattr(response.Play, "fitted", lambda _, at: at)
+    assert response._play(pair, look) is None
 
 
 def test_the_error_of_a_filter_beside_columns_that_are_nearly_one_is_a_number():

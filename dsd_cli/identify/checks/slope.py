@@ -78,7 +78,7 @@ def _lateness(v: Array, s: Array, step: float) -> tuple[float, float, float]:
     rest = v - x @ found
     change = max(float(np.sum((v - v.mean()) ** 2)), 1e-300)
     agreement = 1.0 - float(rest @ rest) / change
-    unique = x[:, 1] - _on(x[:, [0, 2]], x[:, 1])
+    unique = x[:, 1] - x[:, [0, 2]] @ np.linalg.lstsq(x[:, [0, 2]], x[:, 1], rcond=None)[0]
     power = float(unique @ unique)
     if power < _COLLINEAR * v.size or found[0] == 0.0:
         return 0.0, np.inf, agreement
@@ -86,11 +86,6 @@ def _lateness(v: Array, s: Array, step: float) -> tuple[float, float, float]:
     error = np.sqrt(max(float(scores @ scores), float(rest @ rest) / v.size * power)) / power
     slope = float(found[0] / sizes[0] * sizes[1])
     return float(found[1]) / slope, abs(float(error) / slope), agreement
-
-
-def _on(basis: Array, x: Array) -> Array:
-    """What the columns of `basis` explain of x."""
-    return np.asarray(basis @ np.linalg.lstsq(basis, x, rcond=None)[0])
 
 
 def _rows(stretches: Sequence[Stretch], cutoff: float) -> tuple[list[Array], list[tuple[Array, Array]]]:

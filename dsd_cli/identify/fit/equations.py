@@ -121,10 +121,9 @@ class Equations:
         return self.plain([s.acceleration for s in self.stretches])
 
     def whitened(self, rows: Array) -> Array:
-        """Rows (in the unit of u) made white."""
-        white = _joined(
-            [_filtered(x, self.whitening[i]) for x, i in zip(self.by_stretch(rows), self.owners, strict=True)]
-        )
+        """Rows (in the unit of u) made white by symmetric taps; beyond its ends a stretch stays as it is there."""
+        pairs = [(x, self.whitening[i]) for x, i in zip(self.by_stretch(rows), self.owners, strict=True)]
+        white = _joined([x * taps[0] if len(taps) == 1 else passed(x, taps, HALF) for x, taps in pairs])
         return white if self.row_weight is None else white * self.row_weight
 
     def by_stretch(self, rows: NDArray[_Kind]) -> list[NDArray[_Kind]]:
@@ -173,11 +172,6 @@ class Equations:
 
 def _joined(parts: list[Array]) -> Array:
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
-
-
-def _filtered(rows: Array, taps: Array) -> Array:
-    """Rows of one stretch after symmetric taps; beyond its ends they stay as they are there."""
-    return rows * taps[0] if len(taps) == 1 else passed(rows, taps, HALF)
 
 
 def equations_of(

@@ -98,7 +98,8 @@ class FreeformFits:
 
     def groups(self) -> list[tuple[str, ...]]:
         """Groups whose channels all stretches have, and that vary."""
-        have = {n for n in self.pieces[0].values if all(_varies(p, n) for p in self.pieces)}
+        values = [p.values for p in self.pieces]
+        have = {n for n in values[0] if all(n in v and float(np.ptp(v[n])) > 0.0 for v in values)}
         have = have - {"u"} if self.fit.inverse else have
         have |= {GAIN} if "u" in have else set()
         return [g for g in (*SINGLES, *PAIRS) if set(g) <= have]
@@ -226,10 +227,6 @@ def piece_of(stretch: Stretch, u: Array) -> Piece:
         if name in stretch.log:
             values[name] = getattr(stretch.mean, name)
     return Piece(values, np.where(stretch.free > 0.0, stretch.sign, np.nan))
-
-
-def _varies(piece: Piece, name: str) -> bool:
-    return name in piece.values and float(np.ptp(piece.values[name])) > 0.0
 
 
 def rich_residual(fits: FreeformFits) -> Array:

@@ -229,6 +229,8 @@ def _play(search: Search, look: _Look) -> _Found | None:
         delay, signals = look.later((delay - look.delay) / signals.step - float(at[LATE]))
         play = Play(signals, search.ranges.travel, friction)
         at = play.fitted(np.where(np.arange(len(at)) == LATE, 0.0, at))
+    if math.exp(float(at[LOG_INERTIA])) < POLICY.least_inertia * search.solver.inertia:
+        return None  # u moves nothing: it is one level a direction, and any load explains that
     rest = play.left(at)
     values = play.values(at, variance_of(rest), near)
     (gap, spread), resolved = values["gap"], search.ranges.resolution / POLICY.resolved_deviations

@@ -201,7 +201,10 @@ class Search(Evidence):
                 fit = self.swapped(fit)
             if fit.terms == before.terms:
                 break
-        return fit if (common := in_common_terms(self, fit)) is fit else self.without_needless(common, reached)
+        if (common := in_common_terms(self, fit)) is fit:
+            return fit
+        less = self.without_needless(common, reached)  # commoner names of which none is certain are none
+        return fit if self.matters(self.before, fit) and not self.matters(self.before, less) else less
 
     def refined(self, fit: Fit) -> Fit:
         """With the shapes of all effects searched around where they are."""

@@ -148,7 +148,8 @@ def _either_way(task: Task) -> Levelled:
 
     An axis that sticks and slips accelerates hard for moments, so that J a is a fair part of u, and yet what u does
     not explain is most of that: friction and cogging, which the motion explains all of. So is noise that u alone has.
-    A dead zone is no function of the motion, but the motion shows it, however small a part of u J a is.
+    A dead zone is no function of the motion, but the motion shows it, however small a part of u J a is. A set without
+    any force has explained nothing of either: what it leaves of u and J a together is small where J a is.
     """
     found = levelled(task)
     search, whole, inverse = found.search, found.whole, found.search.solver.inverse
@@ -158,7 +159,7 @@ def _either_way(task: Task) -> Levelled:
     if task.settings.inverse is not None or drifts or not (tells and more):
         return found
     there = levelled(replace(task, settings=replace(task.settings, inverse=not inverse)))
-    less = _unexplained(there) < POLICY.other_way * _unexplained(found, beside_u=True)
+    less = _unexplained(there) < POLICY.other_way * _unexplained(found, beside_u=bool(whole.terms))
     return there if less or (not inverse and noise_of_u(there.search, there.whole)) else found
 
 
