@@ -132,9 +132,13 @@ class Search(Evidence):
         return one_way(self.problem.errors.bank, fit)
 
     def proven(self, whole: Fit) -> list[str]:
-        """Of a set with both those that are there, whatever their values."""
-        found = self.one_way(whole)
-        return found.proven(self.problem.least_of_use(whole)) if found is not None and found.both else []
+        """Of a set with dry friction those that rests prove, whatever their values, beyond what a row may be off by."""
+        off = max(self.problem.least_of_use(whole), 0.5 * POLICY.value_deviations * self.problem.errors.rmse(whole))
+        return [] if (found := self.one_way(whole)) is None else found.proven(off)
+
+    def lacks_load(self, fit: Fit) -> bool:
+        """Whether rests refute a set without the load that drives the axis on, which its rows do not need."""
+        return LOAD in self.allowed and LOAD in self.proven(fit) and LOAD not in {t.id for t in fit.terms}
 
     def left_open(self, whole: Fit) -> tuple[str, ...]:
         """A load that is one column with the dry friction of a set, and may be a part of it that is of use."""
@@ -201,7 +205,8 @@ class Search(Evidence):
                 fit = self.swapped(fit)
             if fit.terms == before.terms:
                 break
-        return fit if (common := in_common_terms(self, fit)) is fit else self.without_needless(common, reached)
+        fit = fit if (common := in_common_terms(self, fit)) is fit else self.without_needless(common, reached)
+        return self.fit((*fit.terms, Term(LOAD)), fit.tap) if self.lacks_load(fit) else fit
 
     def refined(self, fit: Fit) -> Fit:
         """With the shapes of all effects searched around where they are."""
