@@ -132,9 +132,9 @@ class Search(Evidence):
         return one_way(self.problem.errors.bank, fit)
 
     def proven(self, whole: Fit) -> list[str]:
-        """Of a set with dry friction those that rests prove, whatever their values, beyond what a row may be off by."""
+        """Of a set with both, or of a load that it lacks, what rests prove, beyond what a row may be off by."""
         off = max(self.problem.least_of_use(whole), 0.5 * POLICY.value_deviations * self.problem.errors.rmse(whole))
-        return [] if (found := self.one_way(whole)) is None else found.proven(off)
+        return [n for n in found.proven(off) if found.both or n == LOAD] if (found := self.one_way(whole)) else []
 
     def lacks_load(self, fit: Fit) -> bool:
         """Whether rests refute a set without the load that drives the axis on, which its rows do not need."""
