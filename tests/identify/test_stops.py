@@ -18,9 +18,18 @@ STEP, PARTS = 1e-2, 40
 
 
 def _driven(
-    speed: np.ndarray, inertia: float, level: float, damping: float, count: float, rate: float, load: float = 0.0
+    speed: np.ndarray,
+    inertia: float,
+    level: float,
+    damping: float,
+    count: float,
+    rate: float,
+    load: float = 0.0,
+    *,
+    brake: bool = False,
 ):
-    """Log of an axis that truly sticks (Moreau's time stepping), in a loop with an integrator, u a sample late."""
+    """Log of an axis that truly sticks (Moreau's time stepping), in a loop with an integrator, u a sample late. With a
+    brake, that holds it at rest while the drive is off."""
     place, h = np.cumsum(speed) * STEP, STEP / PARTS
     kp, kd, ki = inertia * rate**2, 1.6 * inertia * rate, 0.1 * inertia * rate**3
     q = v = slow = before = 0.0
@@ -31,6 +40,11 @@ def _driven(
         slow += 0.4 * ((seen - before) / STEP - slow)
         before, total = seen, total + ki * (target - seen) * STEP
         u = kp * (target - seen) + kd * (wanted - slow) + total
+        if brake and wanted == 0.0:
+            total = late = -load
+            v = slow = 0.0
+            rows.append((0.0, seen))
+            continue
         rows.append((u, seen))
         for _ in range(PARTS):
             free = v + h * (late + load - damping * v) / inertia
@@ -55,10 +69,11 @@ def _answer(log: Log, model: PlantModel):
     return diagnose([prepare(log, observer)], model, observer, Settings(linear=True))
 
 
-def _pump(seed: int, rate: float, load: float = 0.0) -> Log:
+def _pump(seed: int, rate: float, load: float = 0.0, *, brake: bool = False) -> Log:
     """One way, with rests; 300 of Coulomb and 4e4 of viscous friction."""
     strokes = np.column_stack([np.random.default_rng(seed).uniform(0.4, 3.0, 5), np.zeros(5)])
-    return _driven(1e-3 * _held([0.0, *strokes.ravel()], 1.5, 20.0), 3000.0, 300.0, 4e4, 5e-7, rate, load)
+    speed = 1e-3 * _held([0.0, *strokes.ravel()], 1.5, 20.0)
+    return _driven(speed, 3000.0, 300.0, 4e4, 5e-7, rate, load, brake=brake)
 
 
 def test_a_complete_model_leaves_the_noise_and_no_less() -> None:
@@ -78,6 +93,17 @@ def test_a_pump_that_rests_between_its_strokes_has_no_load_in_place_of_its_frict
     missing = {one.effect for one in found.missing if one.probability >= 0.5}
     assert missing == {"viscous_friction" if known else "coulomb_friction"}
     assert found.estimates["coulomb_friction.level"].value == pytest.approx(300.0, rel=0.01)
+
+
+def test_the_error_of_friction_one_way_is_what_its_rests_leave_open_and_no_more() -> None:
+    """By hand: it holds all u at rest, so that it is half of what is from the least of these to 300. Rows beside a load
+    would have it anywhere: 144 for 77."""
+    log = _pump(661301, 30.0)
+    still = np.convolve(np.abs(np.gradient(log["position"])) < 1e-9, np.ones(21), "same") > 20.5
+    least = 0.5 * (300.0 - float(log["u"][still].min()))
+    model = PlantModel(3000.0, STEP, {"viscous_friction": {"coefficient": 4e4}})
+    level = _answer(log, model).estimates["coulomb_friction.level"]
+    assert level.std_error == pytest.approx((300.0 - least) / np.sqrt(3.0), rel=0.1)
 
 
 def _of_pump(seed: int, load: float):
@@ -108,3 +134,24 @@ def test_a_load_that_drives_the_only_way_is_named_beside_the_friction_that_holds
     assert 100.0 < level.value < 300.0
     assert not level.at_bound  # where the rows alone have it, at 0
     assert np.isnan([level.std_error, force.std_error]).all()
+
+
+@pytest.mark.parametrize(("seed", "load"), [(661401, 200.0), (661402, 270.0)])
+def test_a_load_below_the_friction_is_named_where_u_holds_against_it_at_rest(seed: int, load: float) -> None:
+    """A screw down: friction of 100 or 30 alone moves like that, and would not hold the axis: it was named alone."""
+    found = _answer(_pump(seed, 17.0, load), PlantModel(3000.0, STEP, {"viscous_friction": {"coefficient": 4e4}}))
+    missing = {one.effect: one.probability for one in found.missing}
+    assert min(missing["constant_load"], missing["coulomb_friction"]) > 0.8
+    level, force = (found.estimates[name] for name in ("coulomb_friction.level", "constant_load.force"))
+    assert level.value - force.value == pytest.approx(300.0 - load, abs=2.0)
+    assert np.isnan([level.std_error, force.std_error]).all()
+
+
+@pytest.mark.parametrize("seed", [661501, 661502])
+def test_a_brake_is_no_friction(seed: int) -> None:
+    """800 against the way, 300 of it friction; the drive is off at rest: half of 800 was friction for certain."""
+    log = _pump(seed, 17.0, -500.0, brake=True)
+    found = _answer(log, PlantModel(3000.0, STEP, {"viscous_friction": {"coefficient": 4e4}}))
+    level = found.estimates["coulomb_friction.level"]
+    assert level.value == pytest.approx(800.0, rel=0.02)
+    assert level.value - np.sqrt(3.0) * level.std_error < 300.0

@@ -143,9 +143,7 @@ def _cutoff(f: Array, power: Array, noise: Array, T: float) -> float | None:
     allowed = np.flatnonzero((share <= NOISE_SHARE) & (f[1:] <= highest))
     octaves = _octaves(f, f[1])
     clear = [f[b - 1] for a, b in octaves if power[a:b].sum() > LOCAL_RATIO * noise[a:b].sum()]
-    if allowed.size == 0 or not clear:
-        return None
-    return float(min(f[1 + allowed[-1]], max(clear), highest))
+    return float(min(f[1 + allowed[-1]], max(clear), highest)) if allowed.size > 0 and clear else None
 
 
 #: Below this share of its rms the speed is rest, where friction may be any force: such rows are left out.

@@ -129,9 +129,7 @@ def cut(log: Log, restarts: Sequence[int]) -> list[Stretch]:
 
 def stamps_of(log: Log) -> Array:
     """t, shape (n,); from the sample time where the log has none."""
-    if "t" in log:
-        return log["t"]
-    return np.arange(len(log), dtype=np.float64) * log.sample_time
+    return log["t"] if "t" in log else np.arange(len(log), dtype=np.float64) * log.sample_time
 
 
 def _stretch(log: Log, a: int, b: int) -> Stretch:

@@ -97,7 +97,7 @@ class Equations:
     def plain(self, by_stretch: Sequence[Array]) -> Array:
         """Averaged forces of every stretch -> rows in the unit of u, joined."""
         pairs = zip(by_stretch, self.bands_of_stretches, self.begins, strict=True)
-        return _joined([band.rows(x, begin) for x, band, begin in pairs])
+        return np.concatenate([band.rows(x, begin) for x, band, begin in pairs])
 
     def acting(self, raw: Sequence[Array], smooth: bool, held: bool) -> Array:
         """Forces per interval of every stretch -> rows in the unit of u; see `Stretch.acting`."""
@@ -123,14 +123,12 @@ class Equations:
     def whitened(self, rows: Array) -> Array:
         """Rows (in the unit of u) made white by symmetric taps; beyond its ends a stretch stays as it is there."""
         pairs = [(x, self.whitening[i]) for x, i in zip(self.by_stretch(rows), self.owners, strict=True)]
-        white = _joined([x * taps[0] if len(taps) == 1 else passed(x, taps, HALF) for x, taps in pairs])
+        white = np.concatenate([x * taps[0] if len(taps) == 1 else passed(x, taps, HALF) for x, taps in pairs])
         return white if self.row_weight is None else white * self.row_weight
 
     def by_stretch(self, rows: NDArray[_Kind]) -> list[NDArray[_Kind]]:
         """Rows as one array per stretch."""
-        if len(self.lengths) == 1:
-            return [rows]
-        return list(np.split(rows, np.cumsum(self.lengths)[:-1]))
+        return [rows] if len(self.lengths) == 1 else list(np.split(rows, np.cumsum(self.lengths)[:-1]))
 
     @cached_property
     def counted(self) -> float:
@@ -168,10 +166,6 @@ class Equations:
         """Rows as arrays per stretch, of each recording."""
         pairs = list(zip(self.owners, self.by_stretch(rows), strict=True))
         return [[x for k, x in pairs if k == i] for i in range(len(self.recordings))]
-
-
-def _joined(parts: list[Array]) -> Array:
-    return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
 def equations_of(

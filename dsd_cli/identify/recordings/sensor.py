@@ -196,7 +196,7 @@ def rate(answers: Sequence[FeedbackNoise], inertia: float) -> float:
 
 
 #: Beginnings from which the motion is rounded; rounds in which the sensor's own noise is found; seed.
-_BEGINNINGS, _ROUNDS, _SEED = 4, 2, 20261128
+_BEGINNINGS, _ROUNDS, _SEED = (0.0, 0.25, 0.5, 0.75), 2, 20261128
 #: Samples of a block, enough for segments of full length, and samples that are rounded of a long log, about.
 _BLOCK, _SAMPLES = (FEWEST_SEGMENTS + 1) * SEGMENT // 2, 50_000
 
@@ -235,12 +235,18 @@ def rounding(ways: Sequence[Array], smear: float = 0.0) -> Density:
     ways : stretches of a motion in counts, shape (n,) each. smear : standard deviation of the sensor's own noise.
     """
     random, errors = np.random.default_rng(_SEED), list[Array]()
-    for begin in np.arange(_BEGINNINGS) / _BEGINNINGS:
-        for way in ways:
-            read = way + begin + smear * random.normal(size=len(way))
-            errors.append(np.round(read) - way)
+    for begin in _BEGINNINGS:
+        errors += [np.round(way + begin + smear * random.normal(size=len(way))) - way for way in ways]
     found = density(errors)
     return found._replace(power=12.0 * found.power)
+
+
+def errors_of(log: Log, sensor: Sensor) -> list[Array]:
+    """Errors of the acceleration that counts are in this motion, read from each beginning, of shape (n,); 0 without."""
+    if sensor.counts is None or not (step := exact_step([log["position"]])) > 0.0:
+        return [np.zeros(len(log))] * len(_BEGINNINGS)
+    unit, way = step / log.sample_time**2, np.cumsum(log["velocity"]) * (log.sample_time / step)
+    return [unit * np.pad(np.diff(np.round(way + b) - way, 2), 1, mode="edge") for b in _BEGINNINGS]
 
 
 def _some_of(ways: Sequence[Array]) -> list[Array]:

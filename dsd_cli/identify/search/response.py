@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.effects import Role
-from dsd_cli.identify.fit.bank import Term, Terms
+from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.modes import Modes
@@ -208,7 +208,8 @@ class _Found:
 def _play(search: Search, look: _Look) -> _Found | None:
     """The play that explains most, beside friction as well."""
     axis = tuple(t for t in look.part.base if t.id not in (COUPLING, PLAY))
-    plain, fit = (look.part.fit(_with_friction(search, x), look.fit.tap) for x in (axis, look.fit.terms))
+    both = ((*x, *(Term(n) for n in _IN_ANY_AXIS if n not in {t.id for t in x})) for x in (axis, look.fit.terms))
+    plain, fit = (look.part.fit(terms, look.fit.tap) for terms in both)
     levels = {t.id: float(plain.coefficients(t)[0]) for t in plain.terms if t.id == _IN_ANY_AXIS[0]}
     ids = [t.id for t in fit.terms if t.effect.role not in _NO_FORCE for _ in fit.coefficients(t)]
     friction = np.array([max(levels.get(name, 0.0), 0.0) for name in ids])
@@ -246,11 +247,6 @@ def _play(search: Search, look: _Look) -> _Found | None:
     much = enough(gains(fresh(rival), fresh(rest)))
     certain = much and told and white and is_a_load(share) and _agreed(gains(rival, rest))
     return _Found(values, _told_model(look, play, at, delay, values), rest, rival, told, much, certain)
-
-
-def _with_friction(search: Search, terms: Terms) -> Terms:
-    """The terms, and the friction that any axis has."""
-    return (*terms, *(Term(name) for name in _IN_ANY_AXIS if name not in {t.id for t in terms}))
 
 
 def _told_model(look: _Look, play: Play, at: Array, delay: float, values: dict[str, tuple[float, float]]) -> PlantModel:

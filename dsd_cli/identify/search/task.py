@@ -182,9 +182,7 @@ def _deviations(line: Term, estimates: Estimates) -> float:
 def _on_all(task: Task, search: Search, whole: Fit) -> tuple[Search, Fit]:
     """(see `_over_all`, the set fitted to all rows)."""
     judge = _over_all(search, task.recordings, task.holdout, whole)
-    if judge is search:
-        return search, whole
-    return judge, judge.settled(judge.fit(whole.terms, whole.tap))
+    return judge, whole if judge is search else judge.settled(judge.fit(whole.terms, whole.tap))
 
 
 def _less_explained(judge: Search, fit: Fit, parts: Sequence[Recording]) -> tuple[int, float] | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
@@ -13,11 +12,12 @@ from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.band import structured_share
 from dsd_cli.identify.fit.bank import Terms
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.freeform import GAIN, Freeform
+from dsd_cli.identify.fit.freeform import GAIN, Freeform, FreeformFits
 from dsd_cli.identify.fit.row_weights import many_sure, surely_less
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.identify.recordings.sensor import errors_of
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.signals.log import Array
 
@@ -75,8 +75,6 @@ def _structured(equations: Equations, residual: Array) -> float:
     """Of all recordings: each has its own band. See `structured_share`."""
     parts = zip(equations.by_recording(residual), equations.bands, strict=True)
     shares = [structured_share(left, band) for left, band in parts]
-    if len(shares) == 1:
-        return shares[0]
     powers = np.bincount(equations.logs_of_rows, residual**2, len(shares))
     return float(powers @ shares) / max(float(powers.sum()), 1e-300)
 
@@ -93,11 +91,21 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
         return Discrepancy((), plain, False, noise, plain)
     reached = fits.left_of(plain, best.on)
     certain = best.gain / search.noise.nats > POLICY.unknown_nats and reached < (1.0 - POLICY.unknown_fall) * plain
+    certain = certain and best.gain - _of_counts(search, fits, best.on) > POLICY.unknown_nats * search.noise.nats
     least, left = POLICY.least_unknown * errors.force, surely_left(search, fit)
     large = min(math.sqrt(max(plain**2 - reached**2, 0.0)), left) > least
     structured = share > POLICY.structured_share and math.sqrt(share) * left > least
     on = best.on if reached < plain else ()
     return Discrepancy(on, min(reached, plain), (certain and large) or structured, noise, plain, certain)
+
+
+def _of_counts(search: Search, fits: FreeformFits, on: tuple[str, ...]) -> float:
+    """Squares that a function takes off the errors of counts alone, at most: between the same places these repeat."""
+    equations, inertia = search.equations, search.solver.inertia
+    sensors = [equations.recordings[s.owner].sensor for s in equations.stretches]
+    made = zip(*(errors_of(s.log, one) for s, one in zip(equations.stretches, sensors, strict=True)), strict=True)
+    rows = (inertia * equations.plain(errors) for errors in made)
+    return max(replace(fits, base=[row, *fits.base[1:]]).fit_with(on).gain for row in rows)
 
 
 def above_floor(search: Search, fit: Fit) -> bool:
@@ -138,9 +146,8 @@ def force_beyond(search: Search, fit: Fit, beyond: Discrepancy, times: float = 1
 def only_at_stops(search: Search, fit: Fit) -> bool:
     """Whether more than the sensor alone leaves is left only at stops and in creeping. What friction does there is
     known in part, and the error of a coarse sensor is not white: it is no evidence for anything that is missing."""
-    elsewhere = left_elsewhere(search, fit)
     limit = POLICY.floor_factor * search.problem.floor
-    return elsewhere <= limit < search.problem.errors.rmse(fit)
+    return left_elsewhere(search, fit) <= limit < search.problem.errors.rmse(fit)
 
 
 def borne_out(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Discrepancy]:
@@ -196,14 +203,6 @@ def left_elsewhere(search: Search, fit: Fit) -> float:
     return float(np.sqrt(np.mean(search.problem.errors.residual(fit, held_out=False)[sure] ** 2))) / gain
 
 
-class _Law(NamedTuple):
-    """u g(x): what x is, the effects that are still needed beside it, the loss that both leave where it is held out."""
-
-    on: tuple[str, ...]
-    terms: Terms
-    loss: float
-
-
 def without_imitations(search: Search, whole: Fit, beyond: Discrepancy) -> tuple[Fit, Discrepancy]:
     """A set that was found and what is beyond it, without the effects that nobody needs beside a varying gain.
 
@@ -215,20 +214,20 @@ def without_imitations(search: Search, whole: Fit, beyond: Discrepancy) -> tuple
         return whole, beyond
     beside = part.freeform(fit)
     found = (_law(part, fit, beside.fit_with(group)) for group in beside.groups() if group[0] == GAIN)
-    laws = [law for law in found if law is not None]
-    if not laws:
+    if not (laws := [law for law in found if law is not None]):
         return whole, beyond
-    best = min(laws, key=lambda law: law.loss)
-    rest, alone = search.fit(best.terms, whole.tap), part.solver.fit(best.terms, fit.tap)
+    _, on, terms = min(laws)
+    rest, alone = search.fit(terms, whole.tap), part.solver.fit(terms, fit.tap)
     plain = part.problem.errors.rmse(alone)
-    left = part.freeform(alone).left_of(plain, best.on)
+    left = part.freeform(alone).left_of(plain, on)
     if left > (1.0 - POLICY.unknown_fall) * search.problem.errors.rmse(whole):
         return whole, beyond
-    return rest, Discrepancy(best.on, min(left, search.problem.errors.rmse(rest)), True, beyond.noise, plain)
+    return rest, Discrepancy(on, min(left, search.problem.errors.rmse(rest)), True, beyond.noise, plain)
 
 
-def _law(search: Search, whole: Fit, beside: Freeform) -> _Law | None:
-    """`beside` : that gain beside the whole set. None where it explains nothing there, or needs all of it."""
+def _law(search: Search, whole: Fit, beside: Freeform) -> tuple[float, tuple[str, ...], Terms] | None:
+    """u g(x): the loss where it is held out, what x is, the effects that are still needed beside it. None where it
+    explains nothing beside the whole set, `beside`, or needs all of it."""
     on, nats = beside.on, search.noise.nats
     if beside.gain < POLICY.unknown_nats * nats:
         return None
@@ -239,7 +238,7 @@ def _law(search: Search, whole: Fit, beside: Freeform) -> _Law | None:
         if without - loss < (search.price((term,)) + POLICY.least_gain) * nats:
             terms, loss = rest, without
     better = loss < float(beside.without.sum()) - POLICY.unknown_nats * nats
-    return _Law(on, terms, loss) if better and terms != whole.terms else None
+    return (loss, on, terms) if better and terms != whole.terms else None
 
 
 def in_common(search: Search, whole: Fit) -> float:
