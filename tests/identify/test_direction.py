@@ -6,7 +6,6 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-from dsd_cli.identify.search.task import Task
 
 from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION, best_delay
 from dsd_cli.identify.fit.problem import pose
@@ -15,6 +14,7 @@ from dsd_cli.identify.fit.values import whole_inertia
 from dsd_cli.identify.improve import improve
 from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.task import Task
 from dsd_cli.identify.verdict import diagnose as diagnose_module
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel

@@ -97,6 +97,19 @@ def test_all_rows_are_judged_and_their_values_are_truer(long):
     assert abs(level.value - 0.05) < 0.5 * abs(short.value - 0.05)
 
 
+def test_what_a_wrong_value_may_be_instead_is_sought_in_the_excerpt(long, monkeypatch):
+    """No scan for what else it may be goes over all rows, but for what the excerpt leaves open."""
+    scanned, scan = [], Search._at_best_starts
+    monkeypatch.setattr(Search, "_at_best_starts", lambda x, *a: scanned.append((x.problem, x.allowed)) or scan(x, *a))
+    there = BELIEVED.changed(effects={**BELIEVED.effects, "coulomb_friction": {"level": 0.03}})
+    searches = []
+    found = diagnose([long], there, OBSERVER, FEW, on_found=lambda search, _: searches.append(search))
+    assert found.verdict == "coulomb_friction"
+    rows = searches[0].excerpt.problem.blocks.rows
+    assert all(not allowed for problem, allowed in scanned if problem.blocks.rows > 1.2 * rows)
+    assert any(allowed for problem, allowed in scanned if problem.blocks.rows <= 1.2 * rows)
+
+
 def test_of_what_is_surely_not_there_the_excerpt_has_the_values_and_all_rows_the_errors(long):
     asked, searches = Settings(("coulomb_friction", "stiffness", "quadratic_drag")), []
     found = diagnose([long], BELIEVED, OBSERVER, asked, on_found=lambda search, _: searches.append(search))

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from dsd_cli.effects import Ranges
@@ -11,7 +12,7 @@ from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import Settings, pose
 from dsd_cli.identify.results import Estimate
 from dsd_cli.identify.search.sets import Search
-from dsd_cli.identify.search.shapes import apart, names_to_try, refined, renamed
+from dsd_cli.identify.search.shapes import _beside_cycle, apart, names_to_try, refined, renamed
 from dsd_cli.identify.search.task import _deviations, identified_only
 from dsd_cli.identify.verdict.diagnose import strongest_first
 from tests.identify.search_rig import BELIEVED, MOVES, posed, seen
@@ -37,6 +38,24 @@ def test_what_is_there_is_asked_again_under_its_next_name_if_it_repeats():
 def test_an_axis_that_goes_over_its_travel_once_tells_one_line():
     once = RANGES._replace(passes=1.2)
     assert list(names_to_try(("cogging", "periodic_disturbance"), {"cogging"}, once)) == ["periodic_disturbance"]
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_of_a_motion_that_repeats_only_what_does_not_is_a_line_in_time(seed):
+    """Any law of the motion repeats with it: here a saw-tooth of each cycle of 33.1 rows, beside a push of a third of
+    its size with 4.37 periods a cycle."""
+    random = np.random.default_rng(seed)
+    phase = np.arange(1000) / 33.1 + random.uniform()
+    push = 2.0 * np.pi * (4.37 * phase + random.uniform())
+    rows = (phase % 1.0) - 0.5 + 0.1 * np.sin(push) + 0.02 * random.normal(size=1000)
+    strongest = [int(np.argmax(np.abs(np.fft.rfft(x, 8000)))) / 8.0 for x in (rows, _beside_cycle(rows, 33.1))]
+    assert strongest == [pytest.approx(1000 / 33.1, abs=0.5), pytest.approx(4.37 * 1000 / 33.1, abs=0.5)]
+
+
+@pytest.mark.parametrize("cycle", [math.inf, 400.0])
+def test_of_a_motion_that_does_not_repeat_all_may_be_a_line_in_time(cycle):
+    rows = np.random.default_rng(1).normal(size=1000)
+    np.testing.assert_array_equal(_beside_cycle(rows, cycle), rows)
 
 
 def test_lines_of_a_kind_are_a_period_apart_and_others_are_no_matter():

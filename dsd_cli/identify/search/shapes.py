@@ -83,7 +83,9 @@ class Lines:
     @cached_property
     def over_time(self) -> tuple[float, ...]:
         """Frequencies of the strongest lines, Hz."""
-        parts = [(x, t) for x, t in zip(self._by_stretch, self._equations.row_times, strict=True) if len(x)]
+        cycle = self._equations.recordings[0].cycle
+        pairs = zip(self._by_stretch, self._equations.row_times, strict=True)
+        parts = [(_beside_cycle(x, cycle / t), t) for x, t in pairs if len(x)]
         longest = max(len(x) * t for x, t in parts)
         step, shortest = 0.5 / longest, POLICY.least_periods / longest
         power = np.zeros(int(self._equations.band.hz / step) + 1)
@@ -113,6 +115,15 @@ class Lines:
         told = POLICY.resolved_deviations * max(r.position_noise for r in self._equations.recordings)
         highest = min(highest, 2.0 * np.pi / max(told, 1e-300))  # a line of the sensor's own counts is no force
         return tuple(k * step for k in _peaks(power[: int(highest / step) + 1], int(2 * POLICY.least_periods)))
+
+
+def _beside_cycle(rows: Array, cycle: float) -> Array:
+    """Rows without what each cycle of the motion has: a force that depends on the motion is a sum of lines in time at
+    its harmonics, whatever its law. cycle : in rows, infinite where the motion does not repeat itself."""
+    if not cycle * POLICY.least_cycles < len(rows):
+        return rows
+    phase = (np.arange(len(rows)) % cycle).astype(int)
+    return rows - (np.bincount(phase, rows) / np.maximum(np.bincount(phase), 1))[phase]
 
 
 def _peaks(power: Array, first: int) -> list[int]:

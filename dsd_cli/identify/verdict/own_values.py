@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from dsd_cli.effects import delays_command, get_effect
+from dsd_cli.effects import delays_command, get_effect, kind_of
 from dsd_cli.identify.fit.bank import Term, has_friction
 from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.fit.values import LEAST_INERTIA, flat, terms_of, units_of
@@ -152,6 +152,8 @@ def _instead_of(search: Search, effect: str) -> tuple[str, ...]:
     problem, solver = search.problem, search.solver
     known = solver.known.holding_effects(problem.model, [effect])
     held = Search(replace(problem, solver=solver.knowing(known)))
+    if search.excerpt is not None:  # what fewer rows refute is refuted
+        held.allowed = tuple(map(kind_of, _instead_of(search.excerpt, effect)))
     least = search.refit.squares + POLICY.least_gain * search.noise.nats
     return tuple(o.effect for o in held.options(held.refit) if o.fit.squares < least)
 
