@@ -58,6 +58,7 @@ def to_json(report: DiagnosisReport) -> dict[str, Any]:
         "found": list(result.found),
         **_set_json(result),
         **levels_json(result.levels),
+        "stability": [],  # no longer asked: the key goes with the next version
         **score_json(result.score),
         **balance_json(result.band_hz, result.floor, result.units),
         "refitted": score_json(result.refitted),

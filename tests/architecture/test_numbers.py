@@ -41,8 +41,8 @@ def test_a_number_is_found_wherever_it_stands_in_a_condition() -> None:
 
 #: Files and lines that a folder may have at most. Who makes one smaller lowers this; 55 and 9,000 are what is aimed at
 #: in `identify`, and 110 thresholds.
-MOST = {"identify": (92, 17_563), "learn": (17, 2_877), "design": (18, 2_970), "roles": (3, 530)}
-MOST_THRESHOLDS = 112
+MOST = {"identify": (86, 17_310), "learn": (17, 2_877), "design": (18, 2_970), "roles": (3, 530)}
+MOST_THRESHOLDS = 110
 
 
 @pytest.mark.parametrize("folder", MOST)

@@ -3,12 +3,15 @@
 import numpy as np
 import pytest
 
+from dsd_cli.identify.fit.testability import Settings
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.search.pulses import sharpened, with_pulses
+from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.identify.verdict.discrepancy import discrepancy_of
 from dsd_cli.identify.verdict.pushes import _of_place, law_of_pushes, pushed
 from dsd_cli.plant.references import Multisine
 from tests.identify.outside_rig import diagnosed
-from tests.identify.search_rig import T, posed
+from tests.identify.search_rig import BELIEVED, OBSERVER, T, posed, seen
 from tests.identify.test_discrepancy import disturbed
 
 PUSHES = {"external_force": {"events": [{"start": 3.0, "end": 3.4, "force": 0.5}]}}
@@ -111,6 +114,15 @@ def test_a_force_that_climbs_by_steps_is_a_drift():
 def test_strong_pushes_of_a_short_log_are_no_dead_zone():
     """4 pushes that take 40 % of 3 s: inertia and friction may absorb them ("dead zone, 99 %")."""
     assert diagnosed(("external_force",), 51016, "enc40k", 3.0).verdict == "external_force"
+
+
+@pytest.mark.parametrize("start", [2.0, 4.0, 5.5])
+def test_a_single_push_is_never_surer_than_ninety_percent(start):
+    """No other part of the data has it: what else happened in that second nobody knows."""
+    push = {"external_force": {"events": [{"start": start, "end": start + 1.5, "force": 0.3}]}}
+    found = diagnose([seen(push, duration=8.0)], BELIEVED, OBSERVER, Settings(("external_force", "coulomb_friction")))
+    assert found.verdict == "external_force"
+    assert [one.probability for one in found.missing] == [POLICY.surest_in_doubt]
 
 
 def test_pushes_are_looked_for_beside_a_law_that_hides_them():

@@ -222,16 +222,15 @@ def one_way(bank: Bank, fit: Fit) -> OneWay | None:
 
 
 def _held(bank: Bank, fit: Fit) -> Array:
-    """e of each row of a rest, shape (n,): what dry friction and a load have to hold there. Of no rest in which u is 0
-    for half a row: a drive that is off holds nothing, and a brake may."""
+    """e of each row of a rest, shape (n,): what dry friction and a load have to hold there. Of none in which u is
+    exactly 0 for half of it: a drive that is off holds nothing, and a brake may."""
     others = [t for t in fit.terms if t.effect.role is Role.APPLIED and t.id != LOAD]
     columns = [x for t in others for x in bank.columns(t, fit.tap)]
     theta = [float(x) for t in others for x in fit.coefficients(t)]
     u, still = bank.drive(inputs_of(fit.terms), fit.tap), still_rows(bank.equations)
     off = 2.0 * bank.equations.plain([1.0 * (s.log["u"] == 0.0) for s in bank.equations.stretches]) > 1.0
-    rest = np.cumsum(np.diff(still, prepend=False))  # its number, odd
     left = np.asarray(u - mixed([bank.acceleration, *columns], np.array([fit.total[INERTIA], *theta])))
-    return left[still & ~np.isin(rest, rest[still & off])]
+    return left[still & ~off]
 
 
 def as_rests_allow(bank: Bank, fitted: Fitted, beside: Terms) -> Fitted:

@@ -132,13 +132,9 @@ class Search(Evidence):
         return one_way(self.problem.errors.bank, fit)
 
     def proven(self, whole: Fit) -> list[str]:
-        """Of a set with both, or of a load that it lacks, what rests prove, beyond what a row may be off by."""
-        off = max(self.problem.least_of_use(whole), 0.5 * POLICY.value_deviations * self.problem.errors.rmse(whole))
-        return [n for n in found.proven(off) if found.both or n == LOAD] if (found := self.one_way(whole)) else []
-
-    def lacks_load(self, fit: Fit) -> bool:
-        """Whether rests refute a set without the load that drives the axis on, which its rows do not need."""
-        return LOAD in self.allowed and LOAD in self.proven(fit) and LOAD not in {t.id for t in fit.terms}
+        """Of a set with both those that are there, whatever their values."""
+        found = self.one_way(whole)
+        return found.proven(self.problem.least_of_use(whole)) if found is not None and found.both else []
 
     def left_open(self, whole: Fit) -> tuple[str, ...]:
         """A load that is one column with the dry friction of a set, and may be a part of it that is of use."""
@@ -207,8 +203,12 @@ class Search(Evidence):
                 break
         if (common := in_common_terms(self, fit)) is not fit:
             less = self.without_needless(common, reached)  # commoner names of which none is certain are none
-            fit = fit if self.matters(self.before, fit) and not self.matters(self.before, less) else less
-        return self.fit((*fit.terms, Term(LOAD)), fit.tap) if self.lacks_load(fit) else fit
+            fit = fit if self._certain(fit) and not self.matters(self.before, less) else less
+        return fit
+
+    def _certain(self, fit: Fit) -> bool:
+        """Whether every member matters beside the others."""
+        return all(self.matters(self.without(fit, term), fit) for term in self.added(fit.terms))
 
     def refined(self, fit: Fit) -> Fit:
         """With the shapes of all effects searched around where they are."""

@@ -103,6 +103,8 @@ def _of_counts(search: Search, fits: FreeformFits, on: tuple[str, ...]) -> float
     """Squares that a function takes off the errors of counts alone, at most: between the same places these repeat."""
     equations, inertia = search.equations, search.solver.inertia
     sensors = [equations.recordings[s.owner].sensor for s in equations.stretches]
+    if all(one.counts is None for one in sensors):
+        return 0.0
     made = zip(*(errors_of(s.log, one) for s, one in zip(equations.stretches, sensors, strict=True)), strict=True)
     rows = (inertia * equations.plain(errors) for errors in made)
     return max(replace(fits, base=[row, *fits.base[1:]]).fit_with(on).gain for row in rows)

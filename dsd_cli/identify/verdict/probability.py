@@ -99,8 +99,6 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     most = POLICY.rival_error * math.hypot(plain.rmse(whole), plain.at_rest(whole))
     # rests are no rows beside friction: what does not hold the axis there is not in its place, however well it moves it
     options = [o for o in search.options(rest) if o.effect != effect_id and plain.at_rest(o.fit) <= most]
-    if proven := effect_id in search.proven(whole):
-        options = [o for o in options if not search.lacks_load(o.fit)]
     own = Option(effect_id, whole, search.evidence(whole))
     worth = plain.rmse(rest) ** 2 - plain.rmse(whole) ** 2
 
@@ -133,11 +131,10 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
     beside = search.left_open(whole) if effect_id == DRY else ()
     found = dict.fromkeys((*one_by_one, *(t.id for t in together), *beside))
     estimates = search.values(whole).estimates
+    told = is_told(effect_id, estimates) or effect_id in search.proven(whole)
     once = POLICY.surest_in_doubt if member.effect.listed else 1.0  # an event is in one part of the data alone
-    surest = POLICY.even if as_push or afloat or together or not (proven or is_told(effect_id, estimates)) else once
+    surest = POLICY.even if as_push or afloat or together or not told else once
     shares = probabilities(search, rest, [own, *options])
-    if proven and (without := shares.pop(NOTHING)) < 1.0:  # rests refute that
-        shares = {name: likely / (1.0 - without) for name, likely in shares.items()}
     return Membership(effect_id, shares, tuple(found), tuple(o.effect for o in named), surest=surest)
 
 
