@@ -44,9 +44,9 @@ class ParameterCheck:
         """(this, as sure beside what is unknown, the value that is wrong if it takes most of the error): as sure as its
         share of that, for the unknown may have bent it. No inertia beside u times a function: then no one is right."""
         share = 1.0 - (self.refitted.heldout_rmse / max(self.score.heldout_rmse, 1e-300)) ** 2
-        if not self.wrong or (self.wrong == INERTIA and beyond.of_gain) or share < POLICY.share_of_possible:
+        sure, varies = min(share * self.probability, surest), self.wrong == INERTIA and beyond.of_gain
+        if varies or share < POLICY.share_of_possible or sure < POLICY.even:  # 0 where none is wrong
             return self, ()
-        sure = min(share * self.probability, surest)
         own = tuple(replace(c, probability=sure) if c.effect == self.wrong else c for c in self.candidates)
         return replace(self, candidates=own, probability=sure), (Missing(self.wrong, sure),)
 
