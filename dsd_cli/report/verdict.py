@@ -54,23 +54,13 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
             f" {held} is {error(result.refitted.heldout_rmse)} ({unit})"
         )
     if result.verdict == UNKNOWN:
-        on = f"; it {_depends(result.depends_on)}" if result.depends_on else ""
-        left = f"{held} is {error(result.refitted.heldout_rmse)} ({unit})"
-        if kept := kept_values(result.warnings):
-            return f"with {listed(kept)} as given, something is left that no effect explains{on} ({sure}): {left}"
-        near = candidate(result, result.nearest)
-        if near is not None and near.effect not in result.found:
-            falls = percent(1.0 - near.heldout_rmse_after / near.heldout_rmse_before)
-            return (
-                f"something is missing, and this log does not confirm what{on} ({sure}): {left};"
-                f" {near.effect} comes nearest ({falls} less), but not in all parts of the log"
-            )
-        line = f"something is missing that no effect of the catalogue explains{on} ({sure}): {left}"
-        return line + (f"; nearest in the catalogue: {near.effect}, {percent(near.probability)}" if near else "")
+        return _wrong_beside(result, given) + _unknown(result, sure, held)
     winner = candidate(result, result.verdict)
     if winner is None:
         return f"{result.verdict} is missing ({sure})"
-    values = values_text(result.joint_values(winner.effect) or result.alone(winner))
+    stands = _in_its_place(result, winner)
+    own = {f"{stands}.{n}" if stands != winner.effect else n: x for n, x in result.joint_values(stands).items()}
+    values = values_text(own or result.alone(winner))
     values = f"{values}, " if values else ""
     beside, falls = _with_the_set(result, winner)
     tied = winner.indistinguishable_from  # one of these it is
@@ -82,10 +72,47 @@ def _verdict(result: Diagnosis, given: PlantModel | None) -> str:
     if winner.effect in (INERTIA, DELAY) or (given is not None and winner.effect in given.effects):
         line = f"{_as_given(winner, given)} of [model] {verb} wrong: {values}{sure}{beside}; {held} {falls}"
     else:
-        line = f"{winner.effect} {verb} missing: {values}{sure}{beside}; {held} {falls}"
+        name = winner.effect if stands == winner.effect else f"{winner.effect} or {stands}"
+        line = f"{name} {verb} missing: {values}{sure}{beside}; {held} {falls}"
     line += f"; from this log it is indistinguishable from {listed(tied, 'or')}" if tied else ""
     line += late_text(dict.fromkeys((winner.effect, *tied, *result.found)), result.provenance)
     return line + (f"; {assumed_text(placed)}" if placed else "")
+
+
+def _wrong(result: Diagnosis) -> list[Candidate]:
+    """The value of the model that is wrong beside something unknown."""
+    own = [one.effect for one in result.missing if result.verdict == UNKNOWN and one.effect not in result.found]
+    return [c for name in own if (c := candidate(result, name)) is not None]
+
+
+def _wrong_beside(result: Diagnosis, given: PlantModel | None) -> str:
+    """A beginning for a sentence: the value of the model that is wrong, whatever else is missing; "" without one."""
+    said = (
+        f"{_as_given(c, given)} of [model] is wrong: {values_text(result.alone(c))}, probability"
+        f" {percent(c.probability)}, and the held-out {force_error(result.band_hz)}"
+        f" {moves(c.heldout_rmse_before, c.heldout_rmse_after)} ({result.units.force})"
+        f"{', indistinguishable from ' + listed(c.indistinguishable_from, 'or') if c.indistinguishable_from else ''}"
+        "; besides, "
+        for c in _wrong(result)
+    )
+    return "".join(said)
+
+
+def _unknown(result: Diagnosis, sure: str, held: str) -> str:
+    """That something is missing, on what it depends, and what comes nearest to it."""
+    on = f"; it {_depends(result.depends_on)}" if result.depends_on else ""
+    left = f"{held} is {error(result.refitted.heldout_rmse)} ({result.units.force})"
+    if kept := kept_values(result.warnings):
+        return f"with {listed(kept)} as given, something is left that no effect explains{on} ({sure}): {left}"
+    near = candidate(result, result.nearest)
+    if near is not None and near.effect not in result.found:
+        falls = percent(1.0 - near.heldout_rmse_after / near.heldout_rmse_before)
+        return (
+            f"something is missing, and this log does not confirm what{on} ({sure}): {left};"
+            f" {near.effect} comes nearest ({falls} less), but not in all parts of the log"
+        )
+    line = f"something is missing that no effect of the catalogue explains{on} ({sure}): {left}"
+    return line + (f"; nearest in the catalogue: {near.effect}, {percent(near.probability)}" if near else "")
 
 
 def late_text(effects: Iterable[str], provenance: Mapping[str, str]) -> str:
@@ -122,7 +149,14 @@ def advice_of(result: Diagnosis) -> tuple[str, ...]:
     effects = (n for n in named if n not in (NONE, UNKNOWN, INERTIA, DELAY))
     rubs = next((n for n in effects if get_effect(n).role is Role.FRICTION), "")
     alike = rubs and result.inverse and not result.units.is_force
-    return (*settle, *((rubs + _DEAD_ZONE,) if alike else ()), *result.advice)
+    again = ("dsd improve LOG -o FILE fits all values of the model again",) if _wrong(result) else ()
+    return (*settle, *((rubs + _DEAD_ZONE,) if alike else ()), *again, *result.advice)
+
+
+def _in_its_place(result: Diagnosis, winner: Candidate) -> str:
+    """The effect of the set in whose place a commoner one is named that fits as well; else the one that is named."""
+    there = (name for name in winner.indistinguishable_from if name in result.found)
+    return winner.effect if winner.effect in result.found else next(there, winner.effect)
 
 
 #: Below this probability no effect is named as one that may be missing.
@@ -131,7 +165,8 @@ _NAMED = math.exp(-POLICY.effect_price)
 
 def _with_the_set(result: Diagnosis, winner: Candidate) -> tuple[str, str]:
     """(the others that are missing or may be, how the held-out error moves with all and this one alone)."""
-    unit, others = result.units.force, [name for name in result.found if name != winner.effect]
+    same = {winner.effect, _in_its_place(result, winner)}
+    unit, others = result.units.force, [name for name in result.found if name not in same]
     alone = moves(winner.heldout_rmse_before, winner.heldout_rmse_after)
     if not result.whole_values or not others:
         return "", f"{alone} ({unit})"

@@ -64,6 +64,18 @@ def test_a_law_without_a_name_is_seen_with_what_it_depends_on(name):
     assert found.heldout_rmse < 0.8 * search.problem.errors.rmse(search.refit)
 
 
+@pytest.mark.parametrize(("believed", "missing"), [(1.5 * BELIEVED.inertia, ("inertia",)), (BELIEVED.inertia, ())])
+def test_a_value_that_is_wrong_is_said_beside_what_is_unknown(believed, missing):
+    """What is missing and whether that is all are two questions: a wrong value was in no answer but the ranking."""
+    law, _ = LAWS["a power of the speed"]
+    recordings = disturbed(lambda t, v, q: 0.3 * law(t, v, q)).problem.recordings
+    found = diagnose(recordings, replace(BELIEVED, inertia=believed), OBSERVER, Settings(effects=()))
+    assert found.verdict == "unknown"
+    assert tuple(one.effect for one in found.missing) == missing
+    likely = {one.effect: one.probability for one in found.ranking}
+    assert all(one.probability == likely[one.effect] > 0.9 for one in found.missing)
+
+
 def test_a_law_that_is_less_than_the_background_is_certain_and_not_unknown():
     """A fiftieth of one, less than 1 % of u; the sensor leaves less. Beside the truth no function is certain."""
     search = disturbed(lambda t, v, q: 0.02 * LAWS["a power of the speed"][0](t, v, q), noise=2e-4)

@@ -188,6 +188,62 @@ def test_what_is_rounded_off_a_motion_that_repeats_is_no_push():
     assert repeating(0.02, 262_144, 180.1, rows=4_000) == pytest.approx(180.1, abs=0.05)
 
 
+def to_and_fro(seed: int, counts: int, swings: float = 0.0, push: float = 0.0, rate: float = 500.0):
+    """The response of an axis that a loop drives to and fro in trapezoids, behind so many counts a turn; nothing else
+    is in it but, above the band of the balance, half of it on a spring or a push.
+
+    swings : Hz of motor against load, 0: rigid. push : at 90.3 Hz, so many counts far.
+    """
+    rng, step, fine, inertia, count = np.random.default_rng(seed), 1.0 / rate, 8, 0.1, 2.0 * np.pi / counts
+    n, gain, known = round(10.0 * rate), 2.0 * np.pi * rng.uniform(3.0, 6.0), 1.0 - math.exp(-0.5)
+    phase = np.arange(n) * step / rng.uniform(1.0, 2.5) % 1.0
+    in_half = 2.0 * (phase % 0.5)
+    speed = np.clip(np.minimum(in_half, 1.0 - in_half) / rng.uniform(0.15, 0.35), 0.0, 1.0)
+    speed *= rng.uniform(0.5, 5.0) * np.where(phase < 0.5, 1.0, -1.0)
+    wanted, angle = np.cumsum(speed) * step, 2.0 * np.pi * 90.3
+    spring, size = (2.0 * np.pi * swings) ** 2 * inertia / 4.0, push * count * inertia * angle**2
+    damper, h, act = 0.02 * math.sqrt(spring * inertia), step / fine, [0.0, 0.0]
+    q = load = rng.uniform(0.0, count)
+    v = w = fed = 0.0
+    u, place = np.zeros(n), np.zeros(n)
+    for k in range(n):
+        place[k] = count * round(q / count)
+        fed += known * ((place[k] - place[k - 1]) / step * (k > 0) - fed)
+        u[k] = inertia * gain * (gain * (wanted[k] - place[k]) + 1.6 * (speed[k] - fed))
+        act.append(float(u[k]))
+        force = act.pop(0)
+        for i in range(fine):
+            pushed = force + size * math.sin(angle * (k * step + i * h))
+            if swings:
+                between = spring * (q - load) + damper * (v - w)
+                v += h * (pushed - between) / (0.5 * inertia)
+                w += h * between / (0.5 * inertia)
+            else:
+                v += h * pushed / inertia
+            q, load = q + h * v, load + h * w
+    recording = prepare(Log({"u": u, "position": place}, step, "log.csv"), ObserverSettings(inertia, 0.02))
+    search = Search(pose([recording], PlantModel(inertia, 2.0 * step, {}), Settings()))
+    return response_of(search, search.refit, LOADS, doubtful=False)
+
+
+@pytest.mark.parametrize(("seed", "counts", "rate"), [(1, 8192, 500.0), (0, 8192, 500.0), (1, 4096, 250.0)])
+def test_what_counts_alone_make_of_a_motion_is_neither_a_push_nor_a_load(seed, counts, rate):
+    """At constant speed they are a tone, which the loop feeds back into u; between the same places the same again."""
+    found = to_and_fro(seed, counts, rate=rate)
+    assert found is None or (found.seen is None and math.isnan(found.line_hz))
+
+
+def test_behind_the_same_counts_a_push_is_seen():
+    assert to_and_fro(2, 8192, push=0.4).line_hz == pytest.approx(90.3, abs=0.05)
+
+
+def test_behind_the_same_counts_a_load_is_seen():
+    found = to_and_fro(2, 8192, swings=25.0).seen
+    assert found.effect == "flexible_coupling"
+    assert found.values["frequency"][0] == pytest.approx(25.0, rel=0.03)
+    assert found.values["load_share"][0] == pytest.approx(0.5, abs=0.05)
+
+
 def test_a_load_that_rattles_is_followed_beside_the_forces_that_are_true():
     """With the inertia and the gravity that a rigid axis has beside it, the true play leaves more than that axis."""
     axis = Axis(("backlash",), 7201, "speed40k")
@@ -474,7 +530,8 @@ def test_play_is_sought_where_a_load_has_a_frequency_or_something_is_left(spread
         left=lambda _at: 0.5 * target,
         values=lambda _at, _variance: ({"frequency": (8.6, spread), "load_share": (0.4, 0.1)}, 1e9),
     )
-    look = SimpleNamespace(signals=SimpleNamespace(target=target, step=1e-3), modes=modes, at=None)
+    signals = SimpleNamespace(target=target, step=1e-3)
+    look = SimpleNamespace(signals=signals, modes=modes, at=None, of_counts=lambda: [np.zeros(4000)])
     asked: list[object] = []
     monkeypatch.setattr(response, "_play", lambda *all_of_it: asked.append(all_of_it))
     response._load_in(None, (response.PLAY, response.COUPLING), doubtful, look)

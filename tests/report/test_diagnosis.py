@@ -15,10 +15,10 @@ from dsd_cli.report.figure import rendered
 from dsd_cli.report.in_units import in_units
 from dsd_cli.report.names import moves, percent
 from dsd_cli.report.plots_diagnosis import draw
-from dsd_cli.report.verdict import once_late, verdict_line
+from dsd_cli.report.verdict import advice_of, once_late, verdict_line
 from dsd_cli.report.views_diagnosis import residual_views
 from dsd_cli.signals.units import PER_UNIT, Units
-from tests.report.examples import DIAGNOSIS, GIVEN, NAN, NOTHING, RANKING, UNKNOWN, recording
+from tests.report.examples import DIAGNOSIS, GIVEN, LEVEL, NAN, NOTHING, RANKING, UNKNOWN, recording
 
 REPORT = DiagnosisReport(DIAGNOSIS, GIVEN, ("b.csv",), {"gap": 3})
 
@@ -58,6 +58,28 @@ def test_what_comes_nearest_to_the_unknown_is_said_with_how_little_it_is_believe
     doubted = replace(UNKNOWN, nearest="stribeck_friction", found=("stribeck_friction",))
     assert verdict_line(doubted) == verdict_line(UNKNOWN) + "; nearest in the catalogue: stribeck_friction, 1 %"
     assert "comes nearest (60 % less), but not in all parts" in verdict_line(replace(doubted, found=()))
+
+
+def test_a_wrong_value_is_said_before_what_is_unknown() -> None:
+    late = replace(RANKING[3], effect="delay", parameters={"delay": Estimate(0.0142, 0.003, "s")}, probability=0.89)
+    late = replace(late, indistinguishable_from=("actuator_lag",), heldout_rmse_after=0.12)
+    wrong = replace(UNKNOWN, missing=(Missing("delay", 0.89),), ranking=(late, *RANKING))
+    assert verdict_line(wrong, GIVEN) == (
+        "delay 0.01 of [model] is wrong: 0.0142 s, probability 89 %, and the held-out force error below 31.4 Hz falls"
+        " from 0.402 to 0.12 (unit of u), indistinguishable from actuator_lag; besides, " + verdict_line(UNKNOWN)
+    )
+    assert "fits all values of the model again" in advice_of(wrong)[0]
+
+
+def test_a_name_for_one_of_the_set_that_it_cannot_be_told_from_is_that_one() -> None:
+    """The sentence was "gravity is missing, and so are stiffness and coulomb_friction": one too many."""
+    values = {"stiffness.coefficient": Estimate(0.6, 0.006, "{u}"), "coulomb_friction.level": LEVEL}
+    named = replace(RANKING[0], effect="gravity", indistinguishable_from=("stiffness",))
+    found = replace(DIAGNOSIS, verdict="gravity", ranking=(named, *RANKING), whole_values=values)
+    line = verdict_line(replace(found, found=("stiffness", "coulomb_friction"), whole_heldout_rmse=0.1))
+    assert line.startswith("gravity or stiffness is missing: stiffness.coefficient 0.600 +- 0.006 u, probability")
+    assert "and so is coulomb_friction;" in line
+    assert line.endswith("indistinguishable from stiffness")
 
 
 ONE_CHANNEL = {"u": "logged", "d_hat": "computed from velocity", "position": "integrated from velocity"}

@@ -20,6 +20,7 @@ from dsd_cli.identify.fit.band import HALF, Band, band_of, own_bands
 from dsd_cli.identify.fit.stretches import DelayTap, Stretch, stretch_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.recordings.sensor import errors_of
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.passes import passed
 
@@ -150,6 +151,11 @@ class Equations:
     def noisy(self) -> Equations:
         """With the synthetic noise of the sensors."""
         return replace(self, stretches=tuple(replace(s, noisy=True) for s in self.stretches))
+
+    def of_counts(self) -> list[tuple[Array, ...]]:
+        """Accelerations by stretch, shape (n,) each, that counts alone are in this motion, read from each beginning."""
+        made = (errors_of(s.log, self.recordings[s.owner].sensor) for s in self.stretches)
+        return list(zip(*made, strict=True))
 
     def in_full(self) -> Equations:
         """With all samples, also those where a load may touch."""

@@ -39,8 +39,6 @@ from dsd_cli.signals.spread import rms
 
 #: Rounds in which the delay is moved, samples that it moves at most, and less than which it stays.
 _ROUNDS, _MOST_MOVED, _NEAR = 5, 3.0, 0.3
-#: Share of the resolution of a spectrum to which a line is known; of harmonics, to which one has to be, to be none.
-_LINE, _KNOWN = 0.25, 0.1
 #: What a play is sought beside, found or not: a play that nobody knows of hides friction, and friction hides a play.
 _IN_ANY_AXIS = ("coulomb_friction", "viscous_friction")
 #: Roles of effects that are none of the other forces.
@@ -109,6 +107,12 @@ class _Look:
         assert moved is not None  # the same rows as before
         return delay, moved
 
+    def of_counts(self) -> list[Array]:
+        """Rows that counts alone are in this motion, read from each beginning."""
+        s, made = self.signals, self.part.equations.of_counts()
+        rows = ([s.white(x)[k] for x, k in zip(errors, s.kept, strict=True)] for errors in made)
+        return [s.inertia * np.concatenate(one) for one in rows]
+
 
 def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) -> Response:
     signals, modes, at = look.signals, look.modes, look.at
@@ -119,24 +123,28 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     over_rigid = gains(rival, swinging)
     values, damping = modes.values(at, variance_of(swinging))
     frequency, spread = values["frequency"]
-    swings = float(over_rigid.sum()) > POLICY.response_nats and frequency > POLICY.value_deviations * spread
+    columns, nats = modes.columns(at), float(over_rigid.sum())
+    # at constant speed counts are a tone, which a controller feeds back into u: most of the gain has to be more
+    of_counts = max(float(gains(left(rigid, x), left(columns, x)).sum()) for x in look.of_counts())
+    much = nats - of_counts > max(of_counts, POLICY.response_nats)
+    swings = much and frequency > POLICY.value_deviations * spread
     sought = PLAY in asked and (doubtful or swings)
     play = _play(search, look) if sought else None
     if play is not None and play.certain:
         return Response(play.seen(highest))
     correlated = correlation_time(swinging) > POLICY.response_correlated
     unseen = Response(None, play is not None and play.rattles)
-    inside = frequency < highest  # further out it is how the log samples u
+    inside = much and frequency < highest  # further out it is how the log samples u
     if COUPLING not in asked or not (
         inside and _agreed(over_rigid) and is_a_load(values["load_share"][0]) and damping < POLICY.response_damping
     ):
         return unseen
     fresh = _whatever_the_noise(signals, rival)
     target = fresh(signals.target)
-    if not enough(gains(left(fresh(rigid), target), left(fresh(modes.columns(at)), target))):
+    if not enough(gains(left(fresh(rigid), target), left(fresh(columns), target))):
         return unseen
     tied = play is not None and play.gapped and not _agreed(gains(play.rest, play.rival))
-    fall, nats = _fall(rival, swinging), float(over_rigid.sum())
+    fall = _fall(rival, swinging)
     if PLAY in asked and correlated and fall < POLICY.response_fall:
         # friction holds a motor now and then, whose load then swings as no linear response does
         return replace(unseen, rattles=unseen.rattles or not signals.held)
@@ -147,18 +155,16 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
 
 
 def _steady_line(search: Search, look: _Look) -> float:
-    """Hz of a line above the band that pushes all along; an encoder's error is one at constant speed alone.
+    """Hz of a line above the band that pushes all along: most of its power is beyond any line of counts alone."""
 
-    What is rounded off a motion that repeats does so too: lines at its harmonics, none larger than all else there.
-    """
-    rest, step = left(look.modes.rigid(), look.signals.target), look.signals.step
-    hz = strongest_line(look.signals, rest, search.equations.band.hz)
-    calm, cycle = without_line(look.signals, hz)(rest), search.equations.recordings[0].cycle
-    # of a harmonic, and how far the cycle tells it (too little, and any line is one); NaN where nothing repeats
-    off = abs((hz * cycle + 0.5) % 1.0 - 0.5)
-    known = (0.5 * POLICY.least_cycles * hz * step + _LINE) * cycle / (len(rest) * step)
-    rounded = off < known < _KNOWN and rms(rest - calm) < rms(calm)
-    return hz if _agreed(gains(rest, calm)) and not rounded else math.nan
+    def line(rows: Array) -> tuple[float, Array]:
+        hz = strongest_line(look.signals, rows, search.equations.band.hz)
+        return hz, rows - without_line(look.signals, hz)(rows)
+
+    rest = left(look.modes.rigid(), look.signals.target)
+    (hz, tone), counted = line(rest), max(rms(line(x)[1]) for x in look.of_counts())
+    more = rms(tone) ** 2 - counted**2 > counted**2
+    return hz if more and _agreed(gains(rest, rest - tone)) else math.nan
 
 
 def _swinging(search: Search, whole: Fit) -> _Look | None:

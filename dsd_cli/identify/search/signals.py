@@ -230,7 +230,7 @@ def gains(worse: Array, better: Array) -> Array:
     distinguishes them, so that one quick move counts as much as a long record of slow ones."""
     told = np.cumsum((worse - better) ** 2)
     edges = np.searchsorted(told, np.linspace(0.0, float(told[-1]), BLOCKS + 1)[1:-1])
-    nats = (worse**2 - better**2) / (2.0 * variance_of(better))
+    nats = (worse**2 - better**2) / max(2.0 * variance_of(better), 1e-300)
     return np.array([part.sum() for part in np.split(nats, edges)])
 
 

@@ -17,7 +17,6 @@ from dsd_cli.identify.fit.row_weights import many_sure, surely_less
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.sensor import errors_of
 from dsd_cli.identify.search.sets import Option, Search
 from dsd_cli.signals.log import Array
 
@@ -102,11 +101,9 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
 def _of_counts(search: Search, fits: FreeformFits, on: tuple[str, ...]) -> float:
     """Squares that a function takes off the errors of counts alone, at most: between the same places these repeat."""
     equations, inertia = search.equations, search.solver.inertia
-    sensors = [equations.recordings[s.owner].sensor for s in equations.stretches]
-    if all(one.counts is None for one in sensors):
+    if not any(r.sensor.counts for r in equations.recordings):
         return 0.0
-    made = zip(*(errors_of(s.log, one) for s, one in zip(equations.stretches, sensors, strict=True)), strict=True)
-    rows = (inertia * equations.plain(errors) for errors in made)
+    rows = (inertia * equations.plain(errors) for errors in equations.of_counts())
     return max(replace(fits, base=[row, *fits.base[1:]]).fit_with(on).gain for row in rows)
 
 

@@ -68,6 +68,8 @@ class Verdict:
         self.named, self.sure = self.verdict()
         most = min(self.surest, POLICY.even if self.named == UNKNOWN else 1.0)
         self.missing = missing_of(members, most, dict.fromkeys((self.named, *self._named_for.values()), self.sure))
+        if self.named == UNKNOWN and not (members or limits.blocked):
+            self.own, self.missing = own.beside_unknown(beyond, self.surest)
         if self.named in members and not beyond.unknown:
             self.missing += perhaps_missing(search, whole, limits) or hidden_in_friction(search, whole, members)
         if self.named in self.alone:  # what is to be added takes the shapes of the model's own effects along
@@ -143,12 +145,9 @@ class Verdict:
 
     def _share_of_possible(self, before: float, after: float) -> float:
         """Explained share of the power that could be explained; 1 where nothing unknown remains."""
-        if self.beyond.unknown:
-            least = self.beyond.least
-        elif above_floor(self.search, self.whole):
-            least = POLICY.floor_factor * self.problem.floor
-        else:
+        if not (self.beyond.unknown or above_floor(self.search, self.whole)):
             return 1.0
+        least = self.beyond.least if self.beyond.unknown else POLICY.floor_factor * self.problem.floor
         return (before**2 - after**2) / max(before**2 - least**2, 1e-300)
 
     def _lowers(self, name: str) -> bool:

@@ -11,11 +11,11 @@ from dsd_cli.identify.fit.bank import Term, has_friction
 from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.fit.values import LEAST_INERTIA, flat, terms_of, units_of
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Score
+from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Missing, Score
 from dsd_cli.identify.search.seen import Seen
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import refined
-from dsd_cli.identify.verdict.discrepancy import noise_of_u
+from dsd_cli.identify.verdict.discrepancy import Discrepancy, noise_of_u
 from dsd_cli.identify.verdict.resonance import Resonance, note_on
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.golden import golden_section
@@ -39,6 +39,16 @@ class ParameterCheck:
     wrong: str
     probability: float
     said: tuple[str, ...] = ()
+
+    def beside_unknown(self, beyond: Discrepancy, surest: float) -> tuple[ParameterCheck, tuple[Missing, ...]]:
+        """(this, as sure beside what is unknown, the value that is wrong if it takes most of the error): as sure as its
+        share of that, for the unknown may have bent it. No inertia beside u times a function: then no one is right."""
+        share = 1.0 - (self.refitted.heldout_rmse / max(self.score.heldout_rmse, 1e-300)) ** 2
+        sure, varies = min(share * self.probability, surest), self.wrong == INERTIA and beyond.of_gain
+        if varies or share < POLICY.share_of_possible or sure < POLICY.even:  # 0 where none is wrong
+            return self, ()
+        own = tuple(replace(c, probability=sure) if c.effect == self.wrong else c for c in self.candidates)
+        return replace(self, candidates=own, probability=sure), (Missing(self.wrong, sure),)
 
 
 def own_values(search: Search, shown: Resonance | None = None) -> ParameterCheck:
