@@ -57,7 +57,7 @@ class Policy:
     pulse_price: float = 14.0  # nats for a pulse in time: its level and two edges, found among all rows
     least_gain: float = 6.0  # nats beyond its price that a step must gain, without its best block, too
     most_lost: float = 0.3  # of what blocks gain, that others may lose: a gain must not be that of a few blocks
-    most_effects: int = 8  # added in one search, and steps of a ladder; a rig distinguishes no more
+    most_effects: int = 8  # added to a model, and steps of a ladder; a rig distinguishes no more
     least_cycles: float = 3.0  # in a stretch, for its motion to be called one that repeats
     cycle_left: float = 0.5  # correlation of the speed with itself, below which it has gone elsewhere in between
     cycle_alike: float = 0.98  # and that it has again a cycle later

@@ -10,7 +10,10 @@ from dsd_cli.effects import Ranges
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import Settings, pose
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import Estimate
+from dsd_cli.identify.search import sets
+from dsd_cli.identify.search.response import _swinging
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import _beside_cycle, apart, names_to_try, refined, renamed
 from dsd_cli.identify.search.task import _deviations, identified_only
@@ -89,6 +92,22 @@ ALLOWED = ("viscous_friction", "constant_load", "cogging", "periodic_disturbance
 @pytest.fixture(scope="module")
 def search():
     return posed(TWO, ALLOWED, reference=MOVES)
+
+
+def test_a_search_that_goes_on_from_a_full_set_adds_nothing(search, monkeypatch):
+    """A rig distinguishes no more effects, in however many searches after each other they were found."""
+    one = search.fit((*search.base, line("cogging", 13.0)), search.refit.tap)
+    assert len(search.run(one).terms) > len(one.terms)
+    monkeypatch.setattr(sets, "POLICY", replace(POLICY, most_effects=1))
+    assert search.run(one).terms == one.terms
+
+
+@pytest.mark.parametrize(("lines", "beside"), [((13.0,), 1), ((13.0, 21.0), 0)])
+def test_a_load_is_sought_beside_one_line_and_in_the_place_of_several(search, lines, beside):
+    """A sum of lines is any function of a motion to and fro, what a load does too."""
+    terms = (line(name, n) for name, n in zip(("cogging", "cogging_2"), lines, strict=False))
+    look = _swinging(search, search.fit((*search.base, *terms), search.refit.tap))
+    assert len([t for t in look.fit.terms if t.effect.periods is not None]) == beside
 
 
 def test_both_are_found_and_the_larger_has_the_first_name(search):

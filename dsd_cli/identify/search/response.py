@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsd_cli.effects import Role
+from dsd_cli.effects import Role, kind_of
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
@@ -170,8 +170,10 @@ def _steady_line(search: Search, look: _Look) -> float:
 def _swinging(search: Search, whole: Fit) -> _Look | None:
     """The mode that explains the signals best, with the delay brought to where it belongs beside the mode."""
     part = search.excerpt or search
-    found = (t for t in whole.terms if t not in search.base)
+    found = [t for t in whole.terms if t not in search.base]
     late = {t for t in found if t.effect.role is Role.STRUCTURE or t.effect.lateness is not None}
+    kinds = [kind_of(t.id) for t in found]
+    late |= {t for t, kind in zip(found, kinds, strict=True) if kinds.count(kind) > 1}  # lines that may follow the load
     terms = tuple(t for t in whole.terms if t.id not in (COUPLING, PLAY) and t not in late)
     fit = part.fit(terms, whole.tap if terms == whole.terms else search.refit.tap)
     delay, step = delay_of(part, fit), search.equations.sample_time

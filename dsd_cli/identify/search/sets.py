@@ -156,8 +156,8 @@ class Search(Evidence):
         Of a motion that is a few sines any law of it is lines in time: those are asked of what the laws leave.
         """
         current = start
-        for step in range(POLICY.most_effects):
-            report(step / POLICY.most_effects)
+        while (there := len(self.added(current.terms))) < POLICY.most_effects:
+            report(there / POLICY.most_effects)
             options = self.options(current)
             laws = [o for o in options if not get_effect(o.effect).of_time]
             reached = self._forward(current, laws) or self._forward(current, options)
