@@ -531,7 +531,7 @@ def test_play_is_sought_where_a_load_has_a_frequency_or_something_is_left(spread
         values=lambda _at, _variance: ({"frequency": (8.6, spread), "load_share": (0.4, 0.1)}, 1e9),
     )
     signals = SimpleNamespace(target=target, step=1e-3)
-    look = SimpleNamespace(signals=signals, modes=modes, at=None, of_counts=lambda: [np.zeros(4000)])
+    look = SimpleNamespace(signals=signals, modes=modes, at=None, of_counts=[np.zeros(4000)])
     asked: list[object] = []
     monkeypatch.setattr(response, "_play", lambda *all_of_it: asked.append(all_of_it))
     response._load_in(None, (response.PLAY, response.COUPLING), doubtful, look)

@@ -153,9 +153,9 @@ class Equations:
         return replace(self, stretches=tuple(replace(s, noisy=True) for s in self.stretches))
 
     def of_counts(self) -> list[tuple[Array, ...]]:
-        """Accelerations by stretch, shape (n,) each, that counts alone are in this motion, read from each beginning."""
+        """Accelerations by stretch, (n,) each, that counts alone are in this motion, of each beginning; [] of none."""
         made = (errors_of(s.log, self.recordings[s.owner].sensor) for s in self.stretches)
-        return list(zip(*made, strict=True))
+        return list(zip(*made, strict=True)) if any(r.sensor.counts for r in self.recordings) else []
 
     def in_full(self) -> Equations:
         """With all samples, also those where a load may touch."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -107,6 +108,7 @@ class _Look:
         assert moved is not None  # the same rows as before
         return delay, moved
 
+    @cached_property
     def of_counts(self) -> list[Array]:
         """Rows that counts alone are in this motion, read from each beginning."""
         s, made = self.signals, self.part.equations.of_counts()
@@ -125,7 +127,7 @@ def _load_in(search: Search, asked: Sequence[str], doubtful: bool, look: _Look) 
     frequency, spread = values["frequency"]
     columns, nats = modes.columns(at), float(over_rigid.sum())
     # at constant speed counts are a tone, which a controller feeds back into u: most of the gain has to be more
-    of_counts = max(float(gains(left(rigid, x), left(columns, x)).sum()) for x in look.of_counts())
+    of_counts = max((float(gains(left(rigid, x), left(columns, x)).sum()) for x in look.of_counts), default=0.0)
     much = nats - of_counts > max(of_counts, POLICY.response_nats)
     swings = much and frequency > POLICY.value_deviations * spread
     sought = PLAY in asked and (doubtful or swings)
@@ -162,7 +164,7 @@ def _steady_line(search: Search, look: _Look) -> float:
         return hz, rows - without_line(look.signals, hz)(rows)
 
     rest = left(look.modes.rigid(), look.signals.target)
-    (hz, tone), counted = line(rest), max(rms(line(x)[1]) for x in look.of_counts())
+    (hz, tone), counted = line(rest), max((rms(line(x)[1]) for x in look.of_counts), default=0.0)
     more = rms(tone) ** 2 - counted**2 > counted**2
     return hz if more and _agreed(gains(rest, rest - tone)) else math.nan
 
@@ -172,8 +174,7 @@ def _swinging(search: Search, whole: Fit) -> _Look | None:
     part = search.excerpt or search
     found = [t for t in whole.terms if t not in search.base]
     late = {t for t in found if t.effect.role is Role.STRUCTURE or t.effect.lateness is not None}
-    kinds = [kind_of(t.id) for t in found]
-    late |= {t for t, kind in zip(found, kinds, strict=True) if kinds.count(kind) > 1}  # lines that may follow the load
+    late |= {t for t in found if sum(kind_of(x.id) == kind_of(t.id) for x in found) > 1}  # lines may follow the load
     terms = tuple(t for t in whole.terms if t.id not in (COUPLING, PLAY) and t not in late)
     fit = part.fit(terms, whole.tap if terms == whole.terms else search.refit.tap)
     delay, step = delay_of(part, fit), search.equations.sample_time

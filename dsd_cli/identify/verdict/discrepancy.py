@@ -101,10 +101,8 @@ def _beyond(search: Search, fit: Fit, asked: Callable[[tuple[str, ...]], bool]) 
 def _of_counts(search: Search, fits: FreeformFits, on: tuple[str, ...]) -> float:
     """Squares that a function takes off the errors of counts alone, at most: between the same places these repeat."""
     equations, inertia = search.equations, search.solver.inertia
-    if not any(r.sensor.counts for r in equations.recordings):
-        return 0.0
     rows = (inertia * equations.plain(errors) for errors in equations.of_counts())
-    return max(replace(fits, base=[row, *fits.base[1:]]).fit_with(on).gain for row in rows)
+    return max((replace(fits, base=[row, *fits.base[1:]]).fit_with(on).gain for row in rows), default=0.0)
 
 
 def above_floor(search: Search, fit: Fit) -> bool:
