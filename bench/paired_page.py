@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,9 @@ def text(rows: Sequence[Row], names: Sequence[str]) -> list[str]:
         return ["no rows yet"]
     lines = [*_table(rows, names), "", *_worth(rows, names)]
     for name in names:
-        lines += ["", *_bins(name, [r for r in rows if r["engine"] == name])]
+        own = [r for r in rows if r["engine"] == name]
+        lines += ["", *_bins(f"{name}: stated probability of a verdict", filter(None, map(score.stated, own)))]
+        lines += ["", *_bins(f"{name}: of every effect listed", chain.from_iterable(map(score.names, own)))]
     return lines
 
 
@@ -101,9 +104,9 @@ def _share(hits: int, of: int) -> str:
     return f"{hits} of {of} ({100 * hits / of:.0f} %)" if of else ""
 
 
-def _bins(name: str, rows: Sequence[Row]) -> list[str]:
-    lines = [f"| {name}: stated probability | mean | holds |", "|---|---|---|"]
-    for b in score.reliability(s for s in map(score.stated, rows) if s):
+def _bins(title: str, answers: Iterable[tuple[float, bool]]) -> list[str]:
+    lines = [f"| {title} | mean | holds |", "|---|---|---|"]
+    for b in score.reliability(answers):
         lines.append(f"| {b.low:.2f} to {b.high:.2f} | {b.stated:.3f} | {_share(b.hits, b.of)} |")
     return lines
 

@@ -59,6 +59,14 @@ def stated(row: Row) -> tuple[float, bool] | None:
     return row["probability"], right({**row, "tied": False})
 
 
+def names(row: Row) -> list[tuple[float, bool]]:
+    """(probability, whether it is there) of every effect that an answer lists as missing, a second one of a kind too;
+    the verdict is the likeliest of them that matters most, and is there more often than the same number beside it."""
+    there = set(row["hidden"]) | set(row["also"])
+    listed = row.get("missing") or () if row["verdict"] != "error" else ()
+    return [(one["probability"], one["effect"].rstrip("_0123456789") in there) for one in listed]
+
+
 def brier(answers: Sequence[tuple[float, bool]]) -> float:
     """Mean square of stated probability less what came true."""
     return sum((p - hit) ** 2 for p, hit in answers) / len(answers) if answers else math.nan

@@ -87,7 +87,7 @@ def load_recording(
         raise
     dropped = {reason: count for reason, count in loaded.dropped.items() if count}
     beyond = held_beyond(plant_model(config, 1.0), recording.pieces) if config.model.effects else []
-    wrong = _wrong(loaded, config, checked, changed=bool(late))
+    wrong = _wrong(config, checked, recording)
     warnings = (*loaded.warnings, *lacking, *noisy, *late, *wrong, *beyond)
     if path == "-" and not loaded.log.channels.keys() & {"velocity", "position"}:
         warnings += half_said(config)
@@ -162,19 +162,14 @@ def on_its_clock(loaded: LoadedLog) -> tuple[LoadedLog, list[str]]:
     return replace(loaded, log=log), [said]
 
 
-def _wrong(loaded: LoadedLog, config: Config, checked: CheckResult, *, changed: bool) -> list[str]:
-    """What must be said before anything that this log answers, and what mends it: sign, unit, a late u, a loop.
-
-    changed : the log is another than the one that was checked.
-    """
-    from dsd_cli.cli.plan import observer_of_motion
+def _wrong(config: Config, checked: CheckResult, recording: Recording) -> list[str]:
+    """What must be said before anything that this log answers, and what mends it: sign, unit, a late u, a loop."""
     from dsd_cli.identify.checks import biased_by_noise, to_mend_first
 
     first: Sequence[Finding] = to_mend_first(checked)
-    if not first and "reference" in loaded.log:
+    if not first and "reference" in recording.pieces[0]:
         given, model = known_values(config), _written_model(config)
-        checked = _checked(loaded, config) if changed else checked
-        first = biased_by_noise(checked, model, observer_of_motion(config), given.fixed.keys() | given.priors.keys())
+        first = biased_by_noise(recording, model, given.fixed.keys() | given.priors.keys())
     return [f"{one.what.rstrip('?')}: {one.remedy} (dsd check says more)" for one in first]
 
 

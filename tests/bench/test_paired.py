@@ -67,6 +67,15 @@ def test_the_probability_of_a_tie_is_that_of_its_first():
     assert score.stated(row(probability=0.5, ties=["stiffness"], tied=True)) == (0.5, True)
 
 
+def test_each_effect_that_is_listed_is_one_answer():
+    """A second cogging is there where cogging is; what a log's maker counts as one effect as well is, too."""
+    listed = [{"effect": "cogging_2", "probability": 0.8}, {"effect": "gravity", "probability": 0.3}]
+    found = row(hidden=["cogging"], verdict="cogging", missing=listed)
+    assert score.names(found) == [(0.8, True), (0.3, False)]
+    assert score.names({**found, "also": ["gravity"]}) == [(0.8, True), (0.3, True)]
+    assert score.names({**found, "verdict": "error"}) == score.names({**found, "missing": None}) == []
+
+
 def test_phases_go_round_and_turn_with_their_amplitude():
     values = [
         {"name": "gravity.amplitude", "true": 2.0, "value": -2.1, "std_error": 0.1},

@@ -160,3 +160,16 @@ def test_of_moves_one_way_another_load_is_friction_as_well(back):
     assert found.verdict == "constant_load"
     assert ("coulomb_friction" in named.indistinguishable_from) != back
     assert (found.probability > 0.9) == back
+
+
+def test_a_right_value_is_not_called_wrong_for_what_is_missing():
+    """u = J a + B v + F sgn v, with B as given and F missing, which any other B takes a part of: B was wrong, 50 %."""
+    rng, t = np.random.default_rng(13), 0.002 * np.arange(4000)
+    speed = 0.7 * np.sin(2.3 * t) + 0.6 * np.sin(7.1 * t + 1.0)
+    force = 0.05 * np.gradient(speed, t) + speed + 0.3 * np.sign(speed)
+    log = Log({"t": t, "u": force + 1e-3 * rng.normal(size=4000), "velocity": speed}, 0.002, "log", u_hold="sampled")
+    model, observer = PlantModel(0.05, 0.0, {"viscous_friction": {"coefficient": 1.0}}), ObserverSettings(0.05, 0.01)
+    asked = Settings(effects=("coulomb_friction", "constant_load"))
+    found = diagnose([prepare(log, observer)], model, observer, asked)
+    assert (found.verdict, found.probability) == ("coulomb_friction", 0.99)
+    assert {c.effect: c.probability for c in found.ranking}["viscous_friction"] == 0.0

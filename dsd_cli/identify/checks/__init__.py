@@ -15,13 +15,14 @@ from dsd_cli.identify.checks import clock, values
 from dsd_cli.identify.checks.channels import check_channels, check_jumps, in_one, settled, times_too_large, without_late
 from dsd_cli.identify.checks.disturbance import check_alone, check_disturbance, check_maker, observed
 from dsd_cli.identify.checks.excitation import check_excitation, excitation
-from dsd_cli.identify.checks.fitted import Sides, sides_of
+from dsd_cli.identify.checks.fitted import Sides, sides_in, sides_of
 from dsd_cli.identify.checks.hold import check_hold
 from dsd_cli.identify.checks.parameters import parameters_of, unknown_parameters
 from dsd_cli.identify.checks.results import CheckResult, Excitation, Finding, Parameter, Severity
 from dsd_cli.identify.checks.scan import View, look
 from dsd_cli.identify.checks.stretches import SHORTEST
 from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
+from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.plant.maker import Maker
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
@@ -64,7 +65,7 @@ def check_log(
     dropped : rows that were not taken as they are, as `Cleaner.dropped` has them.
     factors, u_shift : of [signals], that are in the log already, and `keys_of` what its keys must be to multiply more.
     maker : of [observer] filter and u, whose d_hat has been turned into that of this package; None is as here.
-    with_values : whether those of the model are looked at, too; `biased_by_noise` does it later, by the same view.
+    with_values : whether those of the model are looked at, too; `biased_by_noise` does it later.
     """
     even = clock.evened(log, restarts)
     view = look(even, restarts)
@@ -94,7 +95,6 @@ def check_log(
         did,
         clock.seconds_of(log, restarts),
         len(log),
-        view=None if with_values else view,
     )
 
 
@@ -211,12 +211,7 @@ def to_mend_first(result: CheckResult) -> tuple[Finding, ...]:
     return result.errors[:1] or tuple(one for one in result.findings if one.first)
 
 
-@np.errstate(over="ignore", invalid="ignore")
-def biased_by_noise(
-    result: CheckResult, model: PlantModel, observer: ObserverSettings | None = None, known: Collection[str] = ()
-) -> list[Finding]:
+def biased_by_noise(recording: Recording, model: PlantModel, known: Collection[str] = ()) -> list[Finding]:
     """Values of the model that noise in the loop biases in any fit, but for those that are `known` from elsewhere."""
-    if result.errors or result.view is None:  # then no value is looked at
-        return []
-    sides = sides_of(result.view.log, result.view.restarts, model, observer)
+    sides = sides_in(recording, model)
     return [] if sides is None else _leaning([one for one in parameters_of(sides, model) if one.name not in known])

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -76,19 +77,29 @@ class Sides:
     late: tuple[float, float] | None
 
 
+#: What is raised where no fit can be made, as on a corrupt cell (1e300), of which no square is a number.
+_NO_FIT = suppress(DsdError, ValueError, ArithmeticError)
+
+
 @np.errstate(over="ignore", invalid="ignore", divide="ignore")
 def sides_of(log: Log, restarts: tuple[int, ...], model: PlantModel, observer: ObserverSettings | None) -> Sides | None:
     """None where no fit can be made of the log."""
     channels = {name: x for name, x in log.channels.items() if observer is not None or name != "d_hat"}
-    stands_in = ObserverSettings(model.inertia, 5.0 * log.sample_time)
-    try:
-        whole = prepare(replace(log, channels=channels), observer or stands_in, restarts, model.rest_speed)
-        search = Search(pose(excerpts([whole]), model, Settings(effects=())))
+    observer = observer or ObserverSettings(model.inertia, 5.0 * log.sample_time)
+    with _NO_FIT:
+        return sides_in(prepare(replace(log, channels=channels), observer, restarts, model.rest_speed), model)
+    return None
+
+
+@np.errstate(over="ignore", invalid="ignore", divide="ignore")
+def sides_in(recording: Recording, model: PlantModel) -> Sides | None:
+    """Of a log that is ready to be fitted; None where no fit can be made of it."""
+    with _NO_FIT:
+        search = Search(pose(excerpts([recording]), model, Settings(effects=())))
         own = Side(search, search.refit)
         beside = _beside(own)
         return Sides(own, beside, _late(beside))
-    except (DsdError, ValueError, ArithmeticError):  # of a corrupt cell (1e300) no square is a number
-        return None
+    return None
 
 
 def _beside(own: Side) -> Side:

@@ -4,13 +4,10 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from dsd_cli.identify.fit.priors import Grade
 from dsd_cli.signals.units import KeysOf, Units
-
-if TYPE_CHECKING:
-    from dsd_cli.identify.checks.scan import View
 
 Severity = Literal["error", "warning", "note"]
 
@@ -126,7 +123,6 @@ class CheckResult:
     floor : rms of J a_noise within the band, in the unit of u; None where the sensor's noise or J is not known.
     excitation : what the axis did.
     seconds, samples : length of the log. units : what those of u and of positions are called.
-    view : what values are to be looked at by, where they were not; else None.
     """
 
     log: str
@@ -138,7 +134,6 @@ class CheckResult:
     seconds: float
     samples: int
     units: Units = field(default_factory=Units)
-    view: View | None = field(default=None, compare=False, repr=False)
 
     def named(self, units: Units) -> CheckResult:
         """With the user's names of the units."""

@@ -88,7 +88,8 @@ def diagnose(
         return answer
     members = {} if limits.blocked or shown.seen is not None else memberships(search, whole, beyond)
     options = [*search.options(search.refit), *first]
-    verdict = Verdict(search, options, whole, members, own_values(search, shown), beyond, shown, limits)
+    own = own_values(search, shown, missing=bool(members))
+    verdict = Verdict(search, options, whole, members, own, beyond, shown, limits)
     if verdict.rising:  # what raises the error stands in for something else: the search begins again without it
         return again(apart.plain, settings=task.settings.without([verdict.rising]), holdout=holdout)
     on_found(search, whole)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from dsd_cli.effects import delays_command, get_effect, kind_of
+from dsd_cli.effects import delays_command, get_effect
 from dsd_cli.identify.fit.bank import Term, has_friction
 from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.fit.values import LEAST_INERTIA, flat, terms_of, units_of
@@ -15,6 +15,7 @@ from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Missin
 from dsd_cli.identify.search.seen import Seen
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import refined
+from dsd_cli.identify.search.task import Judge
 from dsd_cli.identify.verdict.discrepancy import Discrepancy, noise_of_u
 from dsd_cli.identify.verdict.resonance import Resonance, note_on
 from dsd_cli.plant.model import PlantModel
@@ -51,14 +52,15 @@ class ParameterCheck:
         return replace(self, candidates=own, probability=sure), (Missing(self.wrong, sure),)
 
 
-def own_values(search: Search, shown: Resonance | None = None) -> ParameterCheck:
+def own_values(search: Search, shown: Resonance | None = None, *, missing: bool = False) -> ParameterCheck:
     """Scores of the model as given and refitted, and the ranked candidates "inertia" and "delay", and first the effect
     of the model whose values are wrong.
 
-    shown : of a load, which may show beyond doubt that the model has other values of it.
+    shown : of a load, which may show beyond doubt that the model has other values of it. missing : whether an effect
+        is, which bends the values that the model has: none of them is called wrong for it.
     """
     if shown is None or (shown.given is None and shown.other is None):
-        return _fitted_values(search)
+        return _fitted_values(search, missing=missing)
     if shown.other is not None:
         return _contradicted(search, _fitted_values(search), shown.other, shown.wrong)
     errors, bare = search.problem.errors, shown.given or search
@@ -81,7 +83,7 @@ def _contradicted(search: Search, found: ParameterCheck, seen: Seen, wrong: str)
     return replace(found, candidates=(first, *rest), wrong=wrong, probability=POLICY.surest)
 
 
-def _fitted_values(search: Search) -> ParameterCheck:
+def _fitted_values(search: Search, *, missing: bool = False) -> ParameterCheck:
     problem, refit = search.problem, search.refit
     score, refitted = problem.errors.of_model(problem.model), problem.score(refit)
     believed, said = _at_the_logs_zero(search)
@@ -103,10 +105,11 @@ def _fitted_values(search: Search) -> ParameterCheck:
     if wrong == DELAY and 2.0 * abs(values[DELAY].value - believed.delay) < (step := problem.equations.sample_time):
         sure_of_it, said = min(sure_of_it, POLICY.even), (*said, HALF_A_SAMPLE.format(500.0 * step))
     if wrong not in (INERTIA, DELAY):
-        others = _instead_of(search, wrong)
+        others = () if missing else _instead_of(search, wrong)
         sure_of_it /= 1 + len(others)
         own = _all_of_an_effect(search, wrong, score, refitted)
         candidates = (replace(own, indistinguishable_from=others), *candidates)
+    sure_of_it *= not missing
     candidates = tuple(replace(c, probability=sure_of_it if c.effect == wrong else 0.0) for c in candidates)
     return ParameterCheck(score, refitted, candidates, wrong, sure_of_it, said)
 
@@ -159,13 +162,16 @@ def _explains_the_delay(search: Search, effect: str) -> bool:
 def _instead_of(search: Search, effect: str) -> tuple[str, ...]:
     """Effects that, with the values of one of the model as given, explain the recordings as well as others of it do: of
     moves one way a load that is another, and friction that is missing."""
-    problem, solver = search.problem, search.solver
-    known = solver.known.holding_effects(problem.model, [effect])
-    held = Search(replace(problem, solver=solver.knowing(known)))
-    if search.excerpt is not None:  # what fewer rows refute is refuted
-        held.allowed = tuple(map(kind_of, _instead_of(search.excerpt, effect)))
+    held = _holding(search, effect)
     least = search.refit.squares + POLICY.least_gain * search.noise.nats
     return tuple(o.effect for o in held.options(held.refit) if o.fit.squares < least)
+
+
+def _holding(search: Search, effect: str) -> Search:
+    """The same search with the values of an effect of the model as given, in the excerpts as well."""
+    known = search.solver.known.holding_effects(search.problem.model, [effect])
+    held = replace(search.problem, solver=search.solver.knowing(known))
+    return Search(held) if search.excerpt is None else Judge(held, _holding(search.excerpt, effect))
 
 
 def _deviations(believed: PlantModel, values: dict[str, Estimate], between: float) -> list[tuple[str, float]]:
