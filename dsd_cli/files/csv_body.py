@@ -78,7 +78,7 @@ def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) 
                 ends = numeric[-1] == width - 1 or (delimiter == " " and _filled(alike, width - 1) > 0.5)  # R's words
                 of_rows = ends and _is_counted([row[0].strip(' "') for row in alike])
                 below = [row for row in alike if is_data(row, width, numeric)]
-                rising = tuple(k for k in numeric if _rises([row[k].strip(' "') for row in below]))
+                rising = tuple(k for k in numeric if rises([row[k].strip(' "') for row in below]))
                 best = score, Body(delimiter, width, numeric, start, of_rows, rising, first if start > first else -1)
     return best[1] if best else None
 
@@ -117,7 +117,7 @@ def _start(
 
     def goes_on(at: int) -> bool:
         three = [cells[k] for k in rows[places[at] : places[at] + 3]]
-        return set(map(len, three)) == {width} and any(_rises([row[k] for row in three], True) for k in numeric)
+        return set(map(len, three)) == {width} and any(rises([row[k] for row in three], True) for k in numeric)
 
     def is_good(at: int) -> bool:
         named = by_label and cells[at][0].strip() and not goes_on(at)
@@ -140,7 +140,7 @@ def are_of_counts(lines: Sequence[str], delimiter: str, width: int) -> bool:
     rows = [row for line in lines[1:] if len(row := fields_of(line, delimiter)) == width]
     below = [{_number(row[k]) for row in rows} for k in broken]
     stamps = (k for k in range(width) if first[k] == round(first[k]))
-    if any(_rises([cells[k], *(row[k] for row in rows[:FEW])], True) for k in stamps):
+    if any(rises([cells[k], *(row[k] for row in rows[:FEW])], True) for k in stamps):
         return False
     return len(rows) > FEW // 2 and max(map(len, below)) > 2 and not any(x % 1.0 for values in below for x in values)
 
@@ -152,7 +152,7 @@ def _is_of_factors(first: Sequence[str], second: Sequence[str], third: Sequence[
     return not _goes_on(*(_number(row[0]) for row in (first, second, third)))
 
 
-def _rises(cells: Sequence[str], evenly: bool = False) -> bool:
+def rises(cells: Sequence[str], evenly: bool = False) -> bool:
     """Whether all are numbers that do, `evenly` as those of a clock do."""
     x = list(map(_number, cells))
     rise = all(a < b for a, b in pairwise(x))

@@ -39,6 +39,8 @@ def other_joints(path: str, look: FirstLook, told: Collection[str] = ()) -> tupl
     looks = {label: recognise([one for one in look.columns if one not in away[label]], look.units) for label in joints}
     moves: dict[str, float] = {}
     if named:
+        if len(named) == len(joints):  # what the user named is of all: it is no choice between joints
+            return set(), []
         best, why = named[0], "as you say"
     else:
         shared = max(MOTION, key=lambda one: sum(one in found for found in looks.values()))

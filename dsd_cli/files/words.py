@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping
 WORDS: Mapping[str, tuple[str, ...]] = {
     "time": (
         "t", "time", "timestamp", "stamp", "zeit", "seconds", "sec", "clock", "ms", "millis", "us", "micros",
-        "temps", "tempo", "tiempo", "時間", "时间",
+        "temps", "tempo", "tiempo", "時間", "时间", "ts",
     ),
     "d_hat": ("dhat", "disturbance", "dist", "dob", "stoerung"),
     "u": (

@@ -178,6 +178,26 @@ def columns_of(name: str, values: Any) -> dict[str, Array]:
     }
 
 
+def named_by(channels: Mapping[str, Array], texts: Sequence[Sequence[str]]) -> dict[str, Array]:
+    """The columns of a matrix, `data/1`, ..., by what a list of as many texts beside it calls them, `data/angle`.
+
+    As they are where several matrices have so many columns, or several lists so many different texts.
+    """
+    columns: dict[str, list[str]] = {}
+    for full in channels:
+        stem, _, at = full.rpartition("/")
+        if stem and at.isdigit():
+            columns.setdefault(stem, []).append(full)
+    lists = [[one.strip() for one in said] for said in texts]
+    lists = [said for said in lists if all(said) and len({*said}) == len(said) and not any("/" in one for one in said)]
+    for stem, mine in columns.items():
+        fit = [said for said in lists if len(said) == len(mine)]
+        if len(fit) == 1 and [len(one) for one in columns.values()].count(len(mine)) == 1:
+            called = dict(zip(mine, fit[0], strict=True))
+            channels = {f"{stem}/{called[full]}" if full in called else full: x for full, x in channels.items()}
+    return dict(channels)
+
+
 def grouped(channels: Mapping[str, Array], units: Mapping[str, str] | None = None) -> list[Group]:
     """Channels in memory, named `group/channel`, as groups of the same name and number of rows."""
     parts: dict[tuple[str, int], dict[str, str]] = {}

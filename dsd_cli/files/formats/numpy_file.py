@@ -6,17 +6,18 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.files.formats.base import InMemory, check_size, columns_of, only_one, sample_times_said
+from dsd_cli.files.formats.base import InMemory, check_size, columns_of, named_by, only_one, sample_times_said
 from dsd_cli.signals.log import Array
 
 
 class NumpyFile(InMemory):
-    """Arrays by their names; a .npy without records is `data`."""
+    """Arrays by their names, columns by an array of names beside them; a .npy without records is `data`."""
 
     def __init__(self, path: str) -> None:
         loaded: Any = np.load(path, allow_pickle=False)
         channels: dict[str, Array] = {}
         single: dict[str, Any] = {}
+        texts = []
         if isinstance(loaded, np.ndarray):
             channels = columns_of("" if loaded.dtype.names else "data", loaded)
         else:
@@ -30,6 +31,7 @@ class NumpyFile(InMemory):
                     except ValueError:  # an array of Python objects
                         skipped.append(name)
                         continue
+                    texts += [values.astype(str).tolist()] if values.dtype.kind in "US" and values.ndim == 1 else []
                     single |= {name: values.item()} if values.size == 1 else {}
-        super().__init__(channels)
+        super().__init__(named_by(channels, texts))
         self.sample_time = only_one(sample_times_said(single))

@@ -1,0 +1,107 @@
+"""`dsd init` on what loggers and recorders write: each of these was a dead end, or taken for another."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.io import savemat
+
+from dsd_cli.files.sample import sample
+from dsd_cli.files.tables_in import open_table
+from tests.cli.test_init_walked import chosen, roles
+from tests.files import strangers
+
+AXIS = strangers.axis()
+
+
+def test_what_warms_up_evenly_is_no_clock(tmp_path: Path) -> None:
+    """Stamps jitter, a temperature that a driver filters rises evenly: it was the time, and J 400 times too small."""
+    t = AXIS["t"] + np.random.default_rng(830201).normal(0.0, 2e-5, AXIS["t"].size)
+    rows = zip(t, AXIS["q"], AXIS["v"], AXIS["u"], 41.0 + 0.01 * AXIS["t"], strict=True)
+    said = [{"m": {"pos": q, "vel": v, "torque": u, "temp_c": warm}, "when": int(1e9 * s)} for s, q, v, u, warm in rows]
+    path = strangers.text(tmp_path, "log.jsonl", [json.dumps(one) for one in said])
+    assert roles(chosen(path))["time"] == "when"
+
+
+def test_stamps_called_ts_are_the_time(tmp_path: Path) -> None:
+    rows = strangers.rows(AXIS, AXIS["q"], AXIS["u"], 7.0 + AXIS["t"], 1e3 * AXIS["t"])
+    path = strangers.text(tmp_path, "log.csv", ["pos,torque,odometer,ts", *rows])
+    assert roles(chosen(path))["time"] == "ts"
+
+
+@pytest.mark.parametrize("unit", ["", np.zeros((0, 0))])
+def test_a_recorder_with_a_channel_without_a_unit(unit: object, tmp_path: Path) -> None:
+    """The library makes an array of an empty text, which has no truth value."""
+
+    def channel(name: str, x: np.ndarray, said: object) -> dict[str, object]:
+        return {"Name": name, "Unit": said, "Data": x.reshape(1, -1), "XIndex": 1.0}
+
+    stamps = np.array([channel("Time", AXIS["t"], "s")], dtype=object)
+    signals = np.array([channel("tau", AXIS["u"], "Nm"), channel("phi", AXIS["q"], unit)], dtype=object)
+    savemat(tmp_path / "rec.mat", {"rec": {"X": stamps, "Y": signals}})
+    assert roles(chosen(tmp_path / "rec.mat")) == {"time": "rec/time", "u": "rec/tau", "position": "rec/phi"}
+
+
+def _scope(folder: Path, *, cut: int = 0) -> Path:
+    """Channels of 2 and 4 ms beside each other, each group with its stamps, as a PLC's scope exports them; `cut`: of
+    that row one cell is lost."""
+    ms, rows = 1e3 * AXIS["t"], AXIS["t"].size
+    slow = [f"\t{strangers.german(2 * x)}\t{strangers.german(40 + 1e-4 * x)}" for x in ms[: rows // 2]]
+    fast = ["\t".join(map(strangers.german, row)) for row in zip(ms, AXIS["q"], AXIS["u"], strict=True)]
+    lines = [one + (slow[at] if at < len(slow) else "") for at, one in enumerate(fast)]
+    lines = [one.rpartition("\t")[0] if at == cut > 0 else one for at, one in enumerate(lines)]
+    head = ["Name\tScope", "", "Name\tActPos\tActTorque\tName\tTemp", "Unit\trad\tNm\tUnit\tC", ""]
+    return strangers.text(folder, "scope.csv", [*head, *lines], "\r\n")
+
+
+def test_channels_of_a_slower_task_end_before_the_others(tmp_path: Path) -> None:
+    """3 of 5 fields from row 1501 on was an error in a file that is whole."""
+    path = _scope(tmp_path)
+    (table,) = sample(str(path)).tables
+    values = {one.name: one.values for one in table.channels}
+    assert values["ActTorque"] == pytest.approx(AXIS["u"], abs=1e-6)
+    assert np.isfinite(values["Temp"]).sum() == AXIS["t"].size // 2
+    log = open_table(str(path), {"u": "ActTorque", "position": "ActPos"})
+    read = list(log.batches())
+    assert np.concatenate([batch.columns["position"] for batch in read]) == pytest.approx(AXIS["q"], abs=1e-6)
+    assert "columns 4 to 5 end in line 1505, before the others" in log.warnings
+
+
+@pytest.mark.parametrize("cut", [700, 2000])
+def test_a_row_that_lost_a_cell_is_none_of_them(cut: int, tmp_path: Path) -> None:
+    path = _scope(tmp_path, cut=cut)
+    with pytest.raises(Exception, match="fields where the header has 5"):
+        list(open_table(str(path), {"u": "ActTorque"}).batches())
+
+
+NAMES = ["q", "dq", "tau"]
+
+
+@pytest.mark.parametrize("kind", ["npz", "cells", "letters"])
+def test_a_list_beside_a_matrix_names_its_columns(kind: str, tmp_path: Path) -> None:
+    """Which column is u was asked though the file says it."""
+    data = np.column_stack([AXIS["q"], AXIS["v"], AXIS["u"]])
+    path = tmp_path / ("run.npz" if kind == "npz" else "run.mat")
+    if kind == "npz":
+        np.savez(path, data=data.T, channels=np.array(NAMES), fs=500.0)
+    else:
+        savemat(path, {"data": data, "names": np.array(NAMES, dtype=object if kind == "cells" else "U"), "Ts": 2e-3})
+    assert roles(chosen(path)) == {"position": "data/q", "velocity": "data/dq", "u": "data/tau"}
+
+
+@pytest.mark.parametrize("names", [["q", "q", "tau"], ["q", "tau"], ["a/q", "dq", "tau"]])
+def test_a_list_that_does_not_name_all_columns_names_none(names: list[str], tmp_path: Path) -> None:
+    path = tmp_path / "run.npz"
+    np.savez(path, data=np.column_stack([AXIS["q"], AXIS["v"], AXIS["u"]]), channels=np.array(names))
+    (table,) = sample(str(path)).tables
+    assert [one.name for one in table.channels] == ["data/1", "data/2", "data/3"]
+
+
+def test_two_channels_that_the_user_names_are_no_choice_of_a_joint(tmp_path: Path) -> None:
+    """The channels of an oscilloscope were "joint 1 and 2 of 2: as you say"."""
+    rows = strangers.rows(AXIS, AXIS["t"], AXIS["u"], AXIS["q"])
+    path = strangers.text(tmp_path, "scope.csv", ["time,CH1,CH2", *rows])
+    said = chosen(path, u="CH1", position="CH2")
+    assert roles(said) == {"time": "time", "u": "CH1", "position": "CH2"}
+    assert not any("joint" in line for line in said.said)
