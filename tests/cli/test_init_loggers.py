@@ -1,6 +1,9 @@
 """`dsd init` on what loggers and recorders write: each of these was a dead end, or taken for another."""
 
+import datetime
 import json
+import sqlite3
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +12,7 @@ from scipy.io import savemat
 
 from dsd_cli.files.sample import sample
 from dsd_cli.files.tables_in import open_table
-from tests.cli.test_init_walked import chosen, roles
+from tests.cli.test_init_walked import chosen, proposed, roles
 from tests.files import strangers
 
 AXIS = strangers.axis()
@@ -96,6 +99,51 @@ def test_a_list_that_does_not_name_all_columns_names_none(names: list[str], tmp_
     np.savez(path, data=np.column_stack([AXIS["q"], AXIS["v"], AXIS["u"]]), channels=np.array(names))
     (table,) = sample(str(path)).tables
     assert [one.name for one in table.channels] == ["data/1", "data/2", "data/3"]
+
+
+def _database(path: Path, stamps: list[object]) -> Path:
+    with closing(sqlite3.connect(path)) as base, base:
+        base.execute("CREATE TABLE rig (name TEXT, mass REAL)")
+        base.execute("INSERT INTO rig VALUES ('x', 2.0)")
+        base.execute('CREATE TABLE "run 1" (id INTEGER PRIMARY KEY, at, pos_mm REAL, force_N REAL, state TEXT)')
+        rows = zip(stamps, 1e3 * AXIS["q"], AXIS["u"], strict=True)
+        base.executemany(
+            "INSERT INTO \"run 1\" (at, pos_mm, force_N, state) VALUES (?, ?, ?, 'RUN')",
+            [(one, float(q), float(u) if k else None) for k, (one, q, u) in enumerate(rows)],
+        )
+    return path
+
+
+@pytest.mark.parametrize("words", [False, True])
+def test_a_database_is_a_log(words: bool, tmp_path: Path) -> None:
+    """It was refused: which table to write as CSV, and how, was left to the user."""
+    begin = datetime.datetime(2024, 3, 1, 10)
+    dates = [str(begin + datetime.timedelta(milliseconds=round(1e3 * t))) for t in AXIS["t"]]
+    path = _database(tmp_path / "log.sqlite", dates if words else [float(t) for t in AXIS["t"]])
+    tables = {one.channels[0].name.partition("/")[0]: one for one in sample(str(path)).tables}
+    values = {one.name: one.values for one in tables["run 1"].channels}
+    assert values.keys() == {f"run 1/{name}" for name in ("id", "at", "pos_mm", "force_N")}
+    assert values["run 1/at"] - values["run 1/at"][0] == pytest.approx(AXIS["t"], abs=1e-3)
+    assert np.isnan(values["run 1/force_N"][0])
+    assert values["run 1/force_N"][1:] == pytest.approx(AXIS["u"][1:])
+    found = roles(chosen(path))
+    assert (found["u"], found["position"], found["time"]) == ("run 1/force_N", "run 1/pos_mm", "run 1/at")
+
+
+@pytest.mark.parametrize(
+    ("names", "unit"),
+    [
+        ("t_s,torque_Nm,angle_deg", "in kg m^2"),
+        ("t_s,voltage_V,angle_deg", "in V/(rad/s^2)"),
+        ("t,tau,q", "per unit of u"),
+    ],
+)
+def test_the_inertia_has_the_unit_that_the_log_says(names: str, unit: str, tmp_path: Path) -> None:
+    """That of a torque in N m over an angle was "per unit of u", as of a drive whose gain is not known."""
+    rows = strangers.rows(AXIS, AXIS["t"], AXIS["u"], np.degrees(AXIS["q"]))
+    said = proposed(strangers.text(tmp_path, "log.csv", [names, *rows])).said
+    (line,) = [line for line in said if "nominal_inertia" in line]
+    assert line.endswith(f", {unit}"), line
 
 
 def test_two_channels_that_the_user_names_are_no_choice_of_a_joint(tmp_path: Path) -> None:
