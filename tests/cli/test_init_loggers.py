@@ -6,6 +6,7 @@ import sqlite3
 from contextlib import closing
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
@@ -81,12 +82,17 @@ def test_a_row_that_lost_a_cell_is_none_of_them(cut: int, tmp_path: Path) -> Non
 NAMES = ["q", "dq", "tau"]
 
 
-@pytest.mark.parametrize("kind", ["npz", "cells", "letters"])
+@pytest.mark.parametrize("kind", ["npz", "cells", "letters", "json"])
 def test_a_list_beside_a_matrix_names_its_columns(kind: str, tmp_path: Path) -> None:
     """Which column is u was asked though the file says it."""
     data = np.column_stack([AXIS["q"], AXIS["v"], AXIS["u"]])
     path = tmp_path / ("run.npz" if kind == "npz" else "run.mat")
-    if kind == "npz":
+    if kind == "json":  # orient="split" of pandas
+        path = tmp_path / "run.json"
+        path.write_text(
+            json.dumps({"columns": NAMES, "index": list(range(len(data))), "data": data.tolist(), "dt": 2e-3})
+        )
+    elif kind == "npz":
         np.savez(path, data=data.T, channels=np.array(NAMES), fs=500.0)
     else:
         savemat(path, {"data": data, "names": np.array(NAMES, dtype=object if kind == "cells" else "U"), "Ts": 2e-3})
@@ -128,6 +134,38 @@ def test_a_database_is_a_log(words: bool, tmp_path: Path) -> None:
     assert values["run 1/force_N"][1:] == pytest.approx(AXIS["u"][1:])
     found = roles(chosen(path))
     assert (found["u"], found["position"], found["time"]) == ("run 1/force_N", "run 1/pos_mm", "run 1/at")
+
+
+@pytest.mark.parametrize("told", ["", "data/demo_2/cmd_torque/3"])
+def test_of_several_trials_with_several_joints_the_joint_is_none_of_the_trial(
+    told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """demo_2 was taken for joint 2, which rests; and its place was one of its hand."""
+    rest = np.random.default_rng(830202).normal(0.0, 1e-6, (3, AXIS["t"].size, 4))
+    with h5py.File(tmp_path / "demos.hdf5", "w") as file:
+        for at in range(3):
+            rows = AXIS["t"].size - 50 * at
+            for path, x, still in zip(("obs/joint_pos", "obs/joint_vel", "cmd_torque"), "qvu", rest, strict=True):
+                joints = still.copy()
+                joints[:, 2] = AXIS[x]
+                file[f"data/demo_{at}/{path}"] = joints[:rows]
+            file[f"data/demo_{at}/t"] = AXIS["t"][:rows]
+            file[f"data/demo_{at}/obs/eef_pos"] = 0.4 + rest[0, :rows, :3]
+    monkeypatch.chdir(tmp_path)
+    found = chosen(tmp_path / "demos.hdf5", **({"u": told} if told else {}))
+    trial = "data/demo_2" if told else "data/demo_0"
+    said = {"time": "t", "u": "cmd_torque/3", "velocity": "obs/joint_vel/3", "position": "obs/joint_pos/3"}
+    assert roles(found) == {role: f"{trial}/{name}" for role, name in said.items()}
+    assert any(line.startswith(f"{trial} of 3 trials: ") for line in found.said)
+
+
+def test_groups_of_motors_are_no_trials(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with h5py.File(tmp_path / "axes.hdf5", "w") as file:
+        for at, gain in enumerate((1e-6, 1.0)):
+            for name in "tquv":
+                file[f"motor_{at}/{name}"] = AXIS[name] * (gain if name != "t" else 1.0)
+    monkeypatch.chdir(tmp_path)
+    assert roles(chosen(tmp_path / "axes.hdf5"))["u"] == "motor_1/u"
 
 
 @pytest.mark.parametrize(

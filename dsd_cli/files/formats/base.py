@@ -178,6 +178,17 @@ def columns_of(name: str, values: Any) -> dict[str, Array]:
     }
 
 
+def lists_in(value: Any) -> list[list[str]]:
+    """The lists of texts in what a file holds, at any depth: what the columns of a matrix beside them are called."""
+    if isinstance(value, Mapping):
+        return [one for part in value.values() for one in lists_in(part)]
+    if isinstance(value, np.ndarray):
+        value = value.tolist() if value.ndim == 1 and value.dtype.kind in "OUS" else []
+    if not isinstance(value, list) or not value or not all(isinstance(one, str | bytes) for one in value):
+        return []
+    return [[one.decode("utf-8", "replace") if isinstance(one, bytes) else one for one in value]]
+
+
 def named_by(channels: Mapping[str, Array], texts: Sequence[Sequence[str]]) -> dict[str, Array]:
     """The columns of a matrix, `data/1`, ..., by what a list of as many texts beside it calls them, `data/angle`.
 

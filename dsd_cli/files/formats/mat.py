@@ -15,6 +15,7 @@ from dsd_cli.files.formats.base import (
     InMemory,
     check_size,
     columns_of,
+    lists_in,
     named_by,
     only_one,
     sample_times_said,
@@ -40,7 +41,7 @@ class MatFile(InMemory):
         objects = object_channels(path) if _WORKSPACE in loaded else None
         plain = {name: value for name, value in loaded.items() if not name.startswith("__") and name != "None"}
         plain, units = _of_modelica(plain)
-        channels = named_by(_channels("", plain, units), _lists(plain)) if objects is None else objects
+        channels = named_by(_channels("", plain, units), lists_in(plain)) if objects is None else objects
         super().__init__(channels, units=units)
         self.sample_time = _sample_time(plain)
         if _WORKSPACE in loaded and (objects is None or not self.groups):
@@ -135,14 +136,6 @@ def _sample_time(variables: Mapping[str, Any]) -> float | None:
         if isinstance(value, Mapping) and _records(value) and (inside := _sample_time(value)) is not None:
             said.add(inside)
     return only_one(said)
-
-
-def _lists(value: Any) -> list[list[str]]:
-    """The lists of texts in it, cells or rows of letters, at any depth: what channels are called."""
-    if isinstance(value, Mapping):
-        return [one for part in value.values() for one in _lists(part)]
-    texts = value.tolist() if isinstance(value, np.ndarray) and value.ndim == 1 and value.dtype.kind in "OU" else []
-    return [texts] if texts and all(isinstance(one, str) for one in texts) else []
 
 
 def _records(value: Any) -> bool:

@@ -6,7 +6,15 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.files.formats.base import InMemory, check_size, columns_of, named_by, only_one, sample_times_said
+from dsd_cli.files.formats.base import (
+    InMemory,
+    check_size,
+    columns_of,
+    lists_in,
+    named_by,
+    only_one,
+    sample_times_said,
+)
 from dsd_cli.signals.log import Array
 
 
@@ -17,7 +25,7 @@ class NumpyFile(InMemory):
         loaded: Any = np.load(path, allow_pickle=False)
         channels: dict[str, Array] = {}
         single: dict[str, Any] = {}
-        texts = []
+        texts: list[list[str]] = []
         if isinstance(loaded, np.ndarray):
             channels = columns_of("" if loaded.dtype.names else "data", loaded)
         else:
@@ -31,7 +39,7 @@ class NumpyFile(InMemory):
                     except ValueError:  # an array of Python objects
                         skipped.append(name)
                         continue
-                    texts += [values.astype(str).tolist()] if values.dtype.kind in "US" and values.ndim == 1 else []
+                    texts += lists_in(values)
                     single |= {name: values.item()} if values.size == 1 else {}
         super().__init__(named_by(channels, texts))
         self.sample_time = only_one(sample_times_said(single))
