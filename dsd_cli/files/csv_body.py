@@ -19,6 +19,8 @@ DELIMITERS = (",", ";", "\t", "|", " ")
 BODY, AGREED = 200, 0.6
 #: Of fewer lines all are looked at, of more the later half.
 FEW = 40
+#: Rows that show whether a field of them is a clock.
+GOES_ON = 8
 #: By so much blanks are less likely to separate columns than anything that is meant to.
 BLANKS = 0.3
 
@@ -80,7 +82,17 @@ def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) 
                 below = [row for row in alike if is_data(row, width, numeric)]
                 rising = tuple(k for k in numeric if rises([row[k].strip(' "') for row in below]))
                 best = score, Body(delimiter, width, numeric, start, of_rows, rising, first if start > first else -1)
+    if best and _above(lines, best[1]):
+        return body_of(lines[: best[1].start], delimiters, layout)
     return best[1] if best else None
+
+
+def _above(lines: Sequence[str], body: Body) -> bool:
+    """Whether right above these rows are wider ones, in which what ends begins with a clock: channels of a slower task,
+    which ended before the others."""
+    rows = [fields_of(line, body.delimiter) for line in lines[max(body.start - GOES_ON, 0) : body.start]]
+    clock = [row[body.fields] for row in rows if len(row) > body.fields and is_data(row, len(row), body.numeric)]
+    return len(clock) == GOES_ON and rises(clock, evenly=True)
 
 
 def _share(rows: Sequence[Sequence[str]], place: int) -> float:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
 
-from dsd_cli.files.csv_body import rises
+from dsd_cli.files.csv_body import GOES_ON, rises
 from dsd_cli.files.csv_cells import is_number
 from dsd_cli.files.csv_dialect import COMMENT, decode, fields_of
 
@@ -112,10 +112,6 @@ def without_copies_of_head(content: bytes, skip: int) -> tuple[bytes, Head] | No
     return (bytes(kept), head) if copied else None
 
 
-#: Rows before the end of columns that show whether the first of them is a clock.
-_BEFORE = 8
-
-
 def with_ended_columns(content: bytes, skip: int, delimiter: str, width: int) -> tuple[bytes, str] | None:
     """A text with empty cells for columns that end before the others, and what to say of it; None: none do.
 
@@ -132,14 +128,15 @@ def with_ended_columns(content: bytes, skip: int, delimiter: str, width: int) ->
         return None
     ends = [(a, fields[b]) for a, b in pairwise(rows) if fields[b] < fields[a]]  # the last row with them, the first one
     for last, column in ends:
-        before = [at for at in rows if at <= last][-_BEFORE:]
+        before = [at for at in rows if at <= last][-GOES_ON:]
         stamps = [fields_of(decode(lines[at]).strip("\r\n"), delimiter)[column] for at in before]
-        if len(stamps) < _BEFORE or not rises(stamps, evenly=True):
+        if len(stamps) < GOES_ON or not rises(stamps, evenly=True):
             return None
     if not ends or fields[rows[0]] != width:
         return None
     for at in rows:
         if fields[at] < width:
             lines[at] = lines[at].rstrip(b"\r\n") + by * (width - fields[at]) + b"\n"
-    last, column = ends[0]
-    return b"".join(lines), f"columns {column + 1} to {width} end in line {last + 1}, before the others"
+    widths = [width, *(column for _, column in ends)]
+    said = [f"{column + 1} to {wide} in line {last + 1}" for wide, (last, column) in zip(widths, ends, strict=False)]
+    return b"".join(lines), f"columns end before the others: {', '.join(said)}"

@@ -69,7 +69,23 @@ def test_channels_of_a_slower_task_end_before_the_others(tmp_path: Path) -> None
     log = open_table(str(path), {"u": "ActTorque", "position": "ActPos"})
     read = list(log.batches())
     assert np.concatenate([batch.columns["position"] for batch in read]) == pytest.approx(AXIS["q"], abs=1e-6)
-    assert "columns 4 to 5 end in line 1505, before the others" in log.warnings
+    assert "columns end before the others: 4 to 5 in line 1505" in log.warnings
+
+
+def test_the_header_is_found_above_the_rows_of_all_groups(tmp_path: Path) -> None:
+    """What a task of 20 ms wrote ends so early that its rows were a preamble: no names, and the clock of another."""
+    lines = _scope(tmp_path).read_text("utf-8").splitlines()
+    lines = [line.replace(",", ".").replace("\t", ",") for line in lines]
+    head = {2: ",Name,State", 3: ",Unit,"}
+    lines = [line + head.get(at, f",{20 * (at - 5)},3" if 5 <= at < 305 else "") for at, line in enumerate(lines)]
+    path = strangers.text(tmp_path, "scope.csv", lines)
+    (table,) = sample(str(path)).tables
+    values = {one.name: one.values for one in table.channels}
+    assert values["ActTorque"] == pytest.approx(AXIS["u"], abs=1e-6)
+    assert roles(chosen(path)) == {"time": "time", "position": "ActPos", "u": "ActTorque"}
+    said = open_table(str(path), {"u": "ActTorque"})
+    assert sum(batch.rows for batch in said.batches()) == AXIS["t"].size
+    assert "columns end before the others: 6 to 7 in line 305, 4 to 5 in line 1505" in said.warnings
 
 
 @pytest.mark.parametrize("cut", [700, 2000])
@@ -97,6 +113,19 @@ def test_a_list_beside_a_matrix_names_its_columns(kind: str, tmp_path: Path) -> 
     else:
         savemat(path, {"data": data, "names": np.array(NAMES, dtype=object if kind == "cells" else "U"), "Ts": 2e-3})
     assert roles(chosen(path)) == {"position": "data/q", "velocity": "data/dq", "u": "data/tau"}
+
+
+def test_units_in_brackets_of_such_names_are_those_of_the_columns(tmp_path: Path) -> None:
+    """The slash of rad/s is none of a path; without the unit an angle in degrees is taken as one in rad."""
+    names = ["joint angle (deg)", "joint speed (deg/s)", "motor torque (Nm)"]
+    data = np.column_stack([np.degrees(AXIS["q"]), np.degrees(AXIS["v"]), AXIS["u"]])
+    savemat(tmp_path / "run.mat", {"log": {"X": data, "labels": np.array(names, dtype=object), "Ts": 2e-3}})
+    found = chosen(tmp_path / "run.mat").found
+    assert {role: (one.column, one.unit) for role, one in found.items()} == {
+        "position": ("log/X/joint angle", "deg"),
+        "velocity": ("log/X/joint speed", "deg/s"),
+        "u": ("log/X/motor torque", "Nm"),
+    }
 
 
 @pytest.mark.parametrize("names", [["q", "q", "tau"], ["q", "tau"], ["a/q", "dq", "tau"]])
@@ -145,7 +174,7 @@ def test_of_several_trials_with_several_joints_the_joint_is_none_of_the_trial(
     with h5py.File(tmp_path / "demos.hdf5", "w") as file:
         for at in range(3):
             rows = AXIS["t"].size - 50 * at
-            for path, x, still in zip(("obs/joint_pos", "obs/joint_vel", "cmd_torque"), "qvu", rest, strict=True):
+            for path, x, still in zip(("obs/qpos", "obs/qvel", "cmd_torque"), "qvu", rest, strict=True):
                 joints = still.copy()
                 joints[:, 2] = AXIS[x]
                 file[f"data/demo_{at}/{path}"] = joints[:rows]
@@ -154,7 +183,7 @@ def test_of_several_trials_with_several_joints_the_joint_is_none_of_the_trial(
     monkeypatch.chdir(tmp_path)
     found = chosen(tmp_path / "demos.hdf5", **({"u": told} if told else {}))
     trial = "data/demo_2" if told else "data/demo_0"
-    said = {"time": "t", "u": "cmd_torque/3", "velocity": "obs/joint_vel/3", "position": "obs/joint_pos/3"}
+    said = {"time": "t", "u": "cmd_torque/3", "velocity": "obs/qvel/3", "position": "obs/qpos/3"}
     assert roles(found) == {role: f"{trial}/{name}" for role, name in said.items()}
     assert any(line.startswith(f"{trial} of 3 trials: ") for line in found.said)
 

@@ -64,8 +64,10 @@ class JsonFile(InMemory):
         channels = dict(joined)
         for name, table in found.items():
             channels |= {f"{name}/{column}" if name else column: values for column, values in table.items()}
-        channels = named_by(channels, lists_in(document))
-        super().__init__(channels, units=_units(document, list(channels)) if isinstance(document, Mapping) else {})
+        units: dict[str, str] = {}
+        channels = named_by(channels, lists_in(document), units)
+        units |= _units(document, list(channels)) if isinstance(document, Mapping) else {}
+        super().__init__(channels, units=units)
         self.sample_time = only_one(_sample_times(document))
         if joined:
             parts = sum(table.keys() == joined.keys() for table in found.values())

@@ -41,7 +41,7 @@ class MatFile(InMemory):
         objects = object_channels(path) if _WORKSPACE in loaded else None
         plain = {name: value for name, value in loaded.items() if not name.startswith("__") and name != "None"}
         plain, units = _of_modelica(plain)
-        channels = named_by(_channels("", plain, units), lists_in(plain)) if objects is None else objects
+        channels = named_by(_channels("", plain, units), lists_in(plain), units) if objects is None else objects
         super().__init__(channels, units=units)
         self.sample_time = _sample_time(plain)
         if _WORKSPACE in loaded and (objects is None or not self.groups):

@@ -41,5 +41,6 @@ class NumpyFile(InMemory):
                         continue
                     texts += lists_in(values)
                     single |= {name: values.item()} if values.size == 1 else {}
-        super().__init__(named_by(channels, texts))
+        units: dict[str, str] = {}
+        super().__init__(named_by(channels, texts, units), units=units)
         self.sample_time = only_one(sample_times_said(single))
