@@ -40,7 +40,7 @@ from dsd_cli.files.sample import sample
 from dsd_cli.files.tables_in import metadata_of
 from dsd_cli.files.template import headed, template_text, with_table, with_value
 from dsd_cli.roles import ONLY_CAUSE
-from dsd_cli.signals.clock import TIME_SCALE
+from dsd_cli.signals.clock import EPOCHS, TIME_SCALE, YEAR
 
 #: Rows from which everything is proposed.
 ROWS = 200_000
@@ -193,8 +193,10 @@ def _read(
         stamps = finite_stamps(names["t"], chosen.table)
         lasts = float(np.ptp(stamps)) if stamps.size else math.inf
         unit = time_unit_of(step, float(first["t"][0]), lasts)
-        dates = unit_of_dates(step, float(first["t"][0]))
-        why = f'"{unit}": the stamps are dates then' if dates else f"not said; steps of {step:g} are taken as {unit}"
+        why = f"not said; steps of {step:g} are taken as {unit}"
+        if unit_of_dates(step, float(first["t"][0])):
+            year = EPOCHS[unit] + float(first["t"][0]) * TIME_SCALE[unit] / YEAR
+            why = f'"{unit}", in which the first stamp is of {int(year)}'
         out.said.append(f"time_unit: {why}; if it is another: --set signals.time_unit=UNIT")
     out.put("signals", "time_unit", unit)
     apart = load_log(path, names, most_rows=ROWS, layout=layout).log.sample_time if chosen.clock else sample_time

@@ -79,7 +79,9 @@ def propose_numbers(
         judged = check_log(log, PlantModel(inertia), None, loaded.restarts)
     known = _told(judged, "inertia") is not None
     why = "identified from this log" if known else f"a first guess from this log, {_NOT_IDENTIFIED}"
-    out.put("observer", "nominal_inertia", inertia, f"{why}, per unit of u")
+    units = signals_of(out).units
+    unit = f"in {units.words('{u}/({v}/s)')}" if units.u and units.position else "per unit of u"
+    out.put("observer", "nominal_inertia", inertia, f"{why}, {unit}")
     put_delays(at, step, alone, out, only_channel(log))
     put_rho(loaded, PlantModel(inertia, at if alone else 0.0), ObserverSettings(inertia, 5 * step, 1), window, out)
 

@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 
 from dsd_cli.files.first_look import FirstLook
-from dsd_cli.files.joints import numbered_as, other_joints
+from dsd_cli.files.joints import numbered_as, other_joints, other_trials
 from dsd_cli.files.names_in import words_in
 from dsd_cli.files.recognise import (
     Recognised,
@@ -80,13 +80,16 @@ _DOES = {
 
 
 def of_other_joints(path: str, tables: Sequence[Table], given: Mapping[str, str]) -> tuple[set[str], list[str]]:
-    """Columns of all joints but one, which are not looked at, and what to say; joints that rest are joints, too."""
-    units = {c.name: c.unit for one in tables for c in one.channels if c.values is not None and not is_clock(c)}
+    """Columns of all trials and joints but one, not looked at, and what to say; joints that rest are joints, too."""
+    away, said = other_trials([c.name for one in tables for c in one.channels], given.values())
+    channels = [c for one in tables for c in one.channels if c.name not in away]
+    units = {c.name: c.unit for c in channels if c.values is not None and not is_clock(c)}
     found = recognise(list(units), units)
     for role, column in given.items():
         if role not in found or column not in (found[role].column, *found[role].equals):
             found[role] = Recognised(role, column, equals=numbered_as(column, units))  # m2 is called as m1
-    return other_joints(path, FirstLook(tuple(units), units, found), given.values())
+    joints, told = other_joints(path, FirstLook(tuple(units), units, found), given.values())
+    return away | joints, [*said, *told]
 
 
 def union_of(tables: Sequence[Table]) -> Table:

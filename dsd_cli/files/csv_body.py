@@ -19,6 +19,8 @@ DELIMITERS = (",", ";", "\t", "|", " ")
 BODY, AGREED = 200, 0.6
 #: Of fewer lines all are looked at, of more the later half.
 FEW = 40
+#: Rows that show whether a field of them is a clock.
+GOES_ON = 8
 #: By so much blanks are less likely to separate columns than anything that is meant to.
 BLANKS = 0.3
 
@@ -78,9 +80,19 @@ def body_of(lines: Sequence[str], delimiters: Sequence[str], layout: CsvLayout) 
                 ends = numeric[-1] == width - 1 or (delimiter == " " and _filled(alike, width - 1) > 0.5)  # R's words
                 of_rows = ends and _is_counted([row[0].strip(' "') for row in alike])
                 below = [row for row in alike if is_data(row, width, numeric)]
-                rising = tuple(k for k in numeric if _rises([row[k].strip(' "') for row in below]))
+                rising = tuple(k for k in numeric if rises([row[k].strip(' "') for row in below]))
                 best = score, Body(delimiter, width, numeric, start, of_rows, rising, first if start > first else -1)
+    if best and _above(lines, best[1]):
+        return body_of(lines[: best[1].start], delimiters, layout)
     return best[1] if best else None
+
+
+def _above(lines: Sequence[str], body: Body) -> bool:
+    """Whether right above these rows are wider ones, in which what ends begins with a clock: channels of a slower task,
+    which ended before the others."""
+    rows = [fields_of(line, body.delimiter) for line in lines[max(body.start - GOES_ON, 0) : body.start]]
+    clock = [row[body.fields] for row in rows if len(row) > body.fields and is_data(row, len(row), body.numeric)]
+    return len(clock) == GOES_ON and rises(clock, evenly=True)
 
 
 def _share(rows: Sequence[Sequence[str]], place: int) -> float:
@@ -117,7 +129,7 @@ def _start(
 
     def goes_on(at: int) -> bool:
         three = [cells[k] for k in rows[places[at] : places[at] + 3]]
-        return set(map(len, three)) == {width} and any(_rises([row[k] for row in three], True) for k in numeric)
+        return set(map(len, three)) == {width} and any(rises([row[k] for row in three], True) for k in numeric)
 
     def is_good(at: int) -> bool:
         named = by_label and cells[at][0].strip() and not goes_on(at)
@@ -140,7 +152,7 @@ def are_of_counts(lines: Sequence[str], delimiter: str, width: int) -> bool:
     rows = [row for line in lines[1:] if len(row := fields_of(line, delimiter)) == width]
     below = [{_number(row[k]) for row in rows} for k in broken]
     stamps = (k for k in range(width) if first[k] == round(first[k]))
-    if any(_rises([cells[k], *(row[k] for row in rows[:FEW])], True) for k in stamps):
+    if any(rises([cells[k], *(row[k] for row in rows[:FEW])], True) for k in stamps):
         return False
     return len(rows) > FEW // 2 and max(map(len, below)) > 2 and not any(x % 1.0 for values in below for x in values)
 
@@ -152,7 +164,7 @@ def _is_of_factors(first: Sequence[str], second: Sequence[str], third: Sequence[
     return not _goes_on(*(_number(row[0]) for row in (first, second, third)))
 
 
-def _rises(cells: Sequence[str], evenly: bool = False) -> bool:
+def rises(cells: Sequence[str], evenly: bool = False) -> bool:
     """Whether all are numbers that do, `evenly` as those of a clock do."""
     x = list(map(_number, cells))
     rise = all(a < b for a, b in pairwise(x))

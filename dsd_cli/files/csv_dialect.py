@@ -29,7 +29,6 @@ _OTHER_FORMATS = {
         "is a pointer of Git LFS, the file itself was not fetched",
         "git lfs pull",
     ),
-    b"SQLite format 3\0": ("is an SQLite database", "write its table as CSV: sqlite3 -header -csv FILE 'select * ..'"),
     b"WPILOG": ("is a data log of WPILib", "AdvantageScope exports it as CSV or MCAP"),
     b"<!": ("is a web page", "fetch the file itself"),
     b"<html": ("is a web page", "fetch the file itself"),

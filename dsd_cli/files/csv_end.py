@@ -1,9 +1,11 @@
-"""What stands behind or among the rows of a text file and is none: a footer, a line that was cut, the header again."""
+"""What is behind or among the rows of a text and is none: a footer, a cut line, the header again, ended columns."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 
+from dsd_cli.files.csv_body import GOES_ON, rises
 from dsd_cli.files.csv_cells import is_number
 from dsd_cli.files.csv_dialect import COMMENT, decode, fields_of
 
@@ -108,3 +110,33 @@ def without_copies_of_head(content: bytes, skip: int) -> tuple[bytes, Head] | No
         begin = end
     kept += whole[copied:] if copied else b""
     return (bytes(kept), head) if copied else None
+
+
+def with_ended_columns(content: bytes, skip: int, delimiter: str, width: int) -> tuple[bytes, str] | None:
+    """A text with empty cells for columns that end before the others, and what to say of it; None: none do.
+
+    A scope writes channels that were sampled at another rate beside each other, each group with stamps of its own: the
+    slower one has fewer rows. So rows become shorter only, and what ends begins with a clock; of a row that was cut, or
+    that lacks a cell, neither is so.
+    """
+    if delimiter == " " or b'"' in content:
+        return None
+    by, lines = delimiter.encode(), content.splitlines(keepends=True)
+    fields = [line.count(by) + 1 if line.strip() else 0 for line in lines]
+    rows = [at for at in range(skip, len(lines)) if fields[at]]
+    if any(fields[a] < fields[b] for a, b in pairwise(rows)):
+        return None
+    ends = [(a, fields[b]) for a, b in pairwise(rows) if fields[b] < fields[a]]  # the last row with them, the first one
+    for last, column in ends:
+        before = [at for at in rows if at <= last][-GOES_ON:]
+        stamps = [fields_of(decode(lines[at]).strip("\r\n"), delimiter)[column] for at in before]
+        if len(stamps) < GOES_ON or not rises(stamps, evenly=True):
+            return None
+    if not ends or fields[rows[0]] != width:
+        return None
+    for at in rows:
+        if fields[at] < width:
+            lines[at] = lines[at].rstrip(b"\r\n") + by * (width - fields[at]) + b"\n"
+    widths = [width, *(column for _, column in ends)]
+    said = [f"{column + 1} to {wide} in line {last + 1}" for wide, (last, column) in zip(widths, ends, strict=False)]
+    return b"".join(lines), f"columns end before the others: {', '.join(said)}"

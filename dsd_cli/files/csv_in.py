@@ -16,7 +16,7 @@ from dsd_cli.files import csv_dialect as dialects
 from dsd_cli.files.arrow_arrays import as_float64, is_number_type, numbers
 from dsd_cli.files.content import content_of, text_of
 from dsd_cli.files.csv_cells import Written
-from dsd_cli.files.csv_end import Head, behind_rows, without_copies_of_head
+from dsd_cli.files.csv_end import Head, behind_rows, with_ended_columns, without_copies_of_head
 from dsd_cli.files.csv_factors import Scaling
 from dsd_cli.files.csv_failed import headless, why_unread
 from dsd_cli.files.csv_layout import CsvLayout, look
@@ -204,9 +204,12 @@ class CsvTable:
         return True
 
     def _leave_headers_out(self) -> bool:
-        """Whether its header comes again, or comments stand among its rows; from now on it is read without."""
-        found = without_copies_of_head(text_of(self.name)[: self._end], self._dialect.skip)
-        if found is None:
+        """Whether columns end early, its header comes again, or comments stand among its rows: it is read without."""
+        content, skip = text_of(self.name)[: self._end], self._dialect.skip
+        if ended := with_ended_columns(content, skip, self.delimiter, len(self._dialect.header.names)):
+            self._content, self._end, self._notes = ended[0], None, [*self._notes, ended[1]]
+            return True
+        if (found := without_copies_of_head(content, skip)) is None:
             return False
         (self._content, self._head), self._end = found, None
         return True

@@ -39,6 +39,8 @@ def other_joints(path: str, look: FirstLook, told: Collection[str] = ()) -> tupl
     looks = {label: recognise([one for one in look.columns if one not in away[label]], look.units) for label in joints}
     moves: dict[str, float] = {}
     if named:
+        if len(named) == len(joints):  # what the user named is of all: it is no choice between joints
+            return set(), []
         best, why = named[0], "as you say"
     else:
         shared = max(MOTION, key=lambda one: sum(one in found for found in looks.values()))
@@ -60,6 +62,32 @@ def other_joints(path: str, look: FirstLook, told: Collection[str] = ()) -> tupl
     mine = set().union(*(joints[label] for label in named or [best]))
     columns = set().union(*joints.values()) - mine - set(told)
     return columns, [f"joint {' and '.join(named or [best])} of {len(joints)}: {why}{another}"]
+
+
+#: A group of a file that is a trial of several, by its name and number: demo_0, "run 2".
+_TRIAL = re.compile(
+    r"(?:^|(?<=/))(?:demo|trial|episode|run|rep|take|traj|trajectory|rollout|experiment|test|session)[ _-]?\d+(?=/)",
+    re.I,
+)
+
+
+def other_trials(columns: Collection[str], told: Collection[str] = ()) -> tuple[set[str], list[str]]:
+    """The columns of all trials but one, that of those that were `told`, else the first, and which.
+
+    Each has the same channels once more, those of all its joints: a number of a trial is none of a joint.
+    """
+    trials: dict[str, dict[str, str]] = {}
+    for column in columns:
+        if found := _TRIAL.search(column):
+            trials.setdefault(column[: found.end()], {})[column[: found.start()] + column[found.end() :]] = column
+    first = next(iter(trials.values()), {})
+    alike = {label: mine for label, mine in trials.items() if mine.keys() == first.keys()}
+    if len(alike) < 2:
+        return set(), []
+    best = next((label for label, mine in alike.items() if not set(told).isdisjoint(mine.values())), next(iter(alike)))
+    why = "as you say" if best != next(iter(alike)) else "the first; name columns of another one to take that"
+    away = {column for label, mine in alike.items() if label != best for column in mine.values()}
+    return away, [f"{best} of {len(alike)} trials: {why}"]
 
 
 def joints_of(columns: Sequence[str], found: Mapping[str, Recognised]) -> dict[str, set[str]]:

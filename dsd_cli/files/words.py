@@ -9,7 +9,7 @@ from collections.abc import Collection, Mapping
 WORDS: Mapping[str, tuple[str, ...]] = {
     "time": (
         "t", "time", "timestamp", "stamp", "zeit", "seconds", "sec", "clock", "ms", "millis", "us", "micros",
-        "temps", "tempo", "tiempo", "時間", "时间",
+        "temps", "tempo", "tiempo", "時間", "时间", "ts",
     ),
     "d_hat": ("dhat", "disturbance", "dist", "dob", "stoerung"),
     "u": (
@@ -20,10 +20,11 @@ WORDS: Mapping[str, tuple[str, ...]] = {
     "velocity": (
         "velocity", "vel", "speed", "v", "omega", "w", "rpm", "qd", "dq", "dtheta", "thetadot", "drehzahl",
         "geschwindigkeit", "rate", "erpm", "vitesse", "velocita", "velocidad", "速度", "回転数", "转速",
+        "qvel",
     ),
     "position": (
         "position", "pos", "q", "theta", "angle", "encoder", "enc", "phi", "x", "winkel", "lage", "displacement",
-        "posizione", "posicion", "位置", "角度",
+        "posizione", "posicion", "位置", "角度", "qpos",
     ),
 }  # fmt: skip
 #: Those of a position that are an angle, which has no unit of length: theta_m is that of the motor.

@@ -59,7 +59,7 @@ def guess_roles(
     ----------
     channels : in the order of the file, shape (n,) each.
     named : role -> column, what names and units say; kept as it is.
-    forces : columns whose name or unit says that they are no motion. motions : that they are one, and so not u.
+    forces : columns that are no motion, and no clock, by name or unit. motions : that they are one, and so not u.
     told : roles of `named` that the user named: these are beyond doubt.
     rivals : role -> columns whose names make them that as well, best first.
     asked : columns whose names say that they were asked for: none is a motion that was measured.
@@ -68,7 +68,7 @@ def guess_roles(
     facts = {one.name: facts_of(one) for one in channels}
     found = {role: Guess(column, AS_TOLD if role in told else "by its name") for role, column in named.items()}
     by_name = {one.name: one.values for one in channels if one.values is not None}
-    if "time" not in found and (clock := _clock(facts)) is not None:
+    if "time" not in found and (clock := _clock({n: one for n, one in facts.items() if n not in forces})) is not None:
         found["time"] = clock
     look = _looked(by_name, facts, found, scale)
     steps = frozenset(n for n, one in facts.items() if one.kind == "boolean" and (one.low, one.high) != (0.0, 1.0))

@@ -33,7 +33,7 @@ def test_the_unit_of_stamps_that_are_dates_of_our_days_is_no_guess(tmp_path: Pat
     rows = strangers.rows(AXIS, *columns, form="{:.15g}")
     strangers.text(tmp_path, "a.csv", ["stamp,torque,position (deg)", *rows])
     said = done("init", "a.csv", cwd=tmp_path).stderr
-    assert 'time_unit: "ms": the stamps are dates then; if it is another: --set' in said
+    assert 'time_unit: "ms", in which the first stamp is of 2023; if it is another: --set' in said
     assert "not said" not in said
 
 

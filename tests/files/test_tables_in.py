@@ -126,7 +126,7 @@ def test_a_units_row_is_said(tmp_path):
         ("<!DOCTYPE html>\n<html>\n", "is a web page: fetch the file itself"),
         ('<?xml version="1.0"?>\n<trace/>\n', "is XML: export it as CSV"),
         ("header: \n  stamp: \n    secs: 1\n", "is what a topic was echoed as: record a bag"),
-        (b"SQLite format 3\0" + b"x" * 50, "is an SQLite database"),
+        (b"SQLite format 3\0" + b"x" * 50, "cannot be read as an SQLite database"),
         (b"WPILOG\x00\x01" + b"x" * 50, "is a data log of WPILib"),
         (b"Obj\x01" + b"x" * 50, "is an Avro file"),
         (b"\x00\x01\x02" * 50, "neither CSV nor Parquet"),

@@ -12,6 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from dsd_cli.errors import DataError, DsdError
+from dsd_cli.files.names_in import IN_BRACKETS, bracketed
 from dsd_cli.signals.clock import FASTEST, SLOWEST
 from dsd_cli.signals.log import Array
 
@@ -176,6 +177,42 @@ def columns_of(name: str, values: Any) -> dict[str, Array]:
         "/".join([name, *(str(k + 1) for k in at)]): np.ascontiguousarray(column[:, *at])
         for at in np.ndindex(column.shape[1:])
     }
+
+
+def lists_in(value: Any) -> list[list[str]]:
+    """The lists of texts in what a file holds, at any depth: what the columns of a matrix beside them are called."""
+    if isinstance(value, Mapping):
+        return [one for part in value.values() for one in lists_in(part)]
+    if isinstance(value, np.ndarray):
+        value = value.tolist() if value.ndim == 1 and value.dtype.kind in "OUS" else []
+    if not isinstance(value, list) or not value or not all(isinstance(one, str | bytes) for one in value):
+        return []
+    return [[one.decode("utf-8", "replace") if isinstance(one, bytes) else one for one in value]]
+
+
+def named_by(
+    channels: Mapping[str, Array], texts: Sequence[Sequence[str]], units: dict[str, str] | None = None
+) -> dict[str, Array]:
+    """The columns of a matrix, `data/1`, ..., by what a list of as many texts beside it calls them, `data/angle`.
+
+    As they are where several matrices have so many columns, or several lists so many different texts. units : channel
+    -> unit, where those that stand in brackets in the texts are put in.
+    """
+    columns: dict[str, list[str]] = {}
+    for full in channels:
+        stem, _, at = full.rpartition("/")
+        if stem and at.isdigit():
+            columns.setdefault(stem, []).append(full)
+    lists = [{IN_BRACKETS.sub("", one).strip(): [*bracketed(one), ""][0] for one in said} for said in texts]
+    paired = zip(lists, texts, strict=True)
+    lists = [said for said, all_of in paired if len(said) == len(all_of) and not any("/" in x or not x for x in said)]
+    for stem, mine in columns.items():
+        fit = [said for said in lists if len(said) == len(mine)]
+        if len(fit) == 1 and [len(one) for one in columns.values()].count(len(mine)) == 1:
+            called = dict(zip(mine, fit[0], strict=True))
+            channels = {f"{stem}/{called[full]}" if full in called else full: x for full, x in channels.items()}
+            (units if units is not None else {}).update({f"{stem}/{name}": unit for name, unit in fit[0].items()})
+    return dict(channels)
 
 
 def grouped(channels: Mapping[str, Array], units: Mapping[str, str] | None = None) -> list[Group]:

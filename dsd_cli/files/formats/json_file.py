@@ -15,7 +15,15 @@ import numpy as np
 from dsd_cli.errors import DataError
 from dsd_cli.files.content import text_of
 from dsd_cli.files.csv_cells import stamps_in
-from dsd_cli.files.formats.base import FEWEST, InMemory, check_size, only_one, sample_times_said
+from dsd_cli.files.formats.base import (
+    FEWEST,
+    InMemory,
+    check_size,
+    lists_in,
+    named_by,
+    only_one,
+    sample_times_said,
+)
 from dsd_cli.files.formats.long_form import form_by_texts, turned
 from dsd_cli.files.formats.messages import LONGEST_ARRAY, fields
 from dsd_cli.signals.log import Array
@@ -56,7 +64,10 @@ class JsonFile(InMemory):
         channels = dict(joined)
         for name, table in found.items():
             channels |= {f"{name}/{column}" if name else column: values for column, values in table.items()}
-        super().__init__(channels, units=_units(document, list(channels)) if isinstance(document, Mapping) else {})
+        units: dict[str, str] = {}
+        channels = named_by(channels, lists_in(document), units)
+        units |= _units(document, list(channels)) if isinstance(document, Mapping) else {}
+        super().__init__(channels, units=units)
         self.sample_time = only_one(_sample_times(document))
         if joined:
             parts = sum(table.keys() == joined.keys() for table in found.values())

@@ -38,6 +38,7 @@ MDF = Format("MDF", "mdf", "MdfFile", ("asammdf",), "mf4")
 TDMS = Format("TDMS", "tdms", "TdmsFile", ("nptdms",), "tdms")
 MCAP = Format("MCAP", "mcap_file", "McapFile", ("mcap",), "mcap")
 BAG = Format("a ROS bag", "ros_bag", "RosBag", ("rosbags",), "ros")
+SQLITE = Format("an SQLite database", "sqlite_file", "SqliteFile")
 JSON = Format("JSON", "json_file", "JsonFile")
 CODESYS = Format("a trace of CODESYS", "codesys", "CodesysTrace")
 OCTAVE = Format("text of Octave's save", "octave_text", "OctaveText")
@@ -47,7 +48,10 @@ TELEPLOT = Format("samples for Teleplot", "pairs", "TeleplotFile")
 #: What only the rows say, and so nobody asks until a column is missing.
 LONG = Format("a table with a row for each value", "long_form", "LongFile")
 
-FORMATS = (NUMPY, ARROW, MAT, NETCDF, MAT73, HDF5, MDF, TDMS, MCAP, BAG, JSON, CODESYS, OCTAVE, SCOPE, PAIRS, TELEPLOT)
+FORMATS = (
+    *(NUMPY, ARROW, MAT, NETCDF, MAT73, HDF5, MDF, TDMS, MCAP, BAG, SQLITE),
+    *(JSON, CODESYS, OCTAVE, SCOPE, PAIRS, TELEPLOT),
+)
 
 _MAGIC = (
     (b"\x93NUMPY", NUMPY),
@@ -65,9 +69,9 @@ _MAGIC = (
     (b"TDSm", TDMS),
     (b"\x89MCAP0\r\n", MCAP),
     (b"#ROSBAG V", BAG),
-    (b"SQLite format 3\0", BAG),
+    (b"SQLite format 3\0", SQLITE),
 )
-#: Names of bags end so: other databases of SQLite are none.
+#: Names of bags end so, of ROS 2 databases of SQLite.
 _BAGS = (".bag", ".db3")
 
 
@@ -82,7 +86,7 @@ def format_of(path: str | Path, head: bytes) -> Format | None:
         return MAT73 if head.startswith(b"MATLAB") else HDF5  # some call themselves 5.0
     for magic, found in _MAGIC:
         if head.startswith(magic) and (found is not BAG or Path(path).suffix.lower() in _BAGS):
-            return found
+            return BAG if found is SQLITE and Path(path).suffix.lower() in _BAGS else found
     if head.startswith(b"PK\x03\x04") and _holds_arrays(path):
         return NUMPY
     # version 4 has no mark but a small type number, of a thousand and more where the high bytes come first

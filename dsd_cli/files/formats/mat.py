@@ -10,7 +10,16 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.files.formats.base import FEWEST, InMemory, check_size, columns_of, only_one, sample_times_said
+from dsd_cli.files.formats.base import (
+    FEWEST,
+    InMemory,
+    check_size,
+    columns_of,
+    lists_in,
+    named_by,
+    only_one,
+    sample_times_said,
+)
 from dsd_cli.files.formats.matlab_objects import NO_NUMBERS, not_seen, object_channels
 from dsd_cli.signals.log import Array
 
@@ -19,7 +28,7 @@ _WORKSPACE = "__function_workspace__"
 
 
 class MatFile(InMemory):
-    """Variables by their names, fields of structs as `struct/field`, to any depth."""
+    """Variables by their names, fields of structs as `struct/field`, to any depth; columns by a list of names."""
 
     def __init__(self, path: str) -> None:
         from scipy.io import loadmat
@@ -32,7 +41,8 @@ class MatFile(InMemory):
         objects = object_channels(path) if _WORKSPACE in loaded else None
         plain = {name: value for name, value in loaded.items() if not name.startswith("__") and name != "None"}
         plain, units = _of_modelica(plain)
-        super().__init__(_channels("", plain, units) if objects is None else objects, units=units)
+        channels = named_by(_channels("", plain, units), lists_in(plain), units) if objects is None else objects
+        super().__init__(channels, units=units)
         self.sample_time = _sample_time(plain)
         if _WORKSPACE in loaded and (objects is None or not self.groups):
             self.notes.append(not_seen() if objects is None else NO_NUMBERS)
@@ -144,7 +154,8 @@ def _channels(prefix: str, value: Any, units: dict[str, str]) -> dict[str, Array
         if (one := _record(prefix, value)) is not None:
             full, values = one
             found = columns_of(full, values)
-            units |= dict.fromkeys(found, str(value.get("Unit") or ""))
+            unit = value.get("Unit")  # of an empty text the library makes an array of none
+            units |= dict.fromkeys(found, unit if isinstance(unit, str) else "")
             return found
         for name, part in value.items():
             found |= _channels(f"{prefix}/{name}" if prefix else str(name), part, units)
