@@ -176,7 +176,7 @@ def test_a_load_that_the_feedforward_lacks_is_held_by_an_integral_or_by_standing
     """The integral has settled when the motion begins; without one the axis rests where kp e is the load."""
     plant = PlantModel(0.01, 0.02, {"constant_load": {"force": 0.3}})
     settled, without = usual_loops(plant, tied.observer, 0.002)
-    limits = limits_of([tied.recording], {}, math.nan, 10.0)
+    limits = limits_of([tied.recording], {"position": (-2.0, 2.0)}, math.nan, 10.0)
     rest = Path.of(np.full(2000, limits.start), settled.step)
     run, off = (run_loop(plant, loop, (rest, np.zeros(2000)), limits) for loop in (settled, without))
     assert run.path.position == pytest.approx(limits.start)
