@@ -146,7 +146,8 @@ def _run(words: Sequence[str], plan: Plan, reference: Path, log: Path, quiet: bo
     except OSError as error:
         raise UsageError(f"--run-with {filled[0]}: cannot be run", error.strerror or str(error)) from None
     finally:
-        if code != 0 and log.is_file():  # a part of a log, which the same command must not take for its log
+        # a part of a log, or nothing, which the same command must not take for its log
+        if log.is_file() and (code != 0 or log.stat().st_size == 0):
             log.replace(log.with_stem(f"{log.stem}-failed"))
     if code != 0:
         raise DataError(f"{filled[0]} ended with exit code {code}", f"run it by hand with {reference}")

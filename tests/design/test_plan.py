@@ -530,6 +530,18 @@ def test_the_gain_of_the_drive_is_no_matter_of_motion(tied: Asked) -> None:
     assert "mass" in gain.remedy
 
 
+def test_what_no_motion_is_for_needs_no_axis_that_moves(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was found in a crawl no u could hold: of the gain of the drive, the limit of u was said to be too low."""
+
+    def refused(*_: object, **__: object) -> None:
+        raise DataError("u does not move this axis", "")
+
+    monkeypatch.setattr("dsd_cli.design.plan.able_to_move", refused)
+    plan = tied.plan(names=("gain",))
+    assert plan.motion is None
+    assert "gain" in plan.impossible[0].what
+
+
 def test_what_the_next_motion_may_show_is_not_said_to_be_lost(slow: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
     """Friction is nearly all of u in this log, and not in a faster one; a channel that is not there stays away."""
     problem = slow.search.problem
