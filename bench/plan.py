@@ -126,8 +126,8 @@ class Machine:
 def opened(case: RigCase, kind: str) -> tuple[Machine, Recording, Diagnosis] | None:
     """(machine, its poor log, what that says); None where it cannot be asked."""
     machine = Machine(case)
-    first, _ = machine.moved(*poor_reference(machine.trial, kind, DURATION), 0)
     try:
+        first, _ = machine.moved(*poor_reference(machine.trial, kind, DURATION), 0)  # the axis may not move in it
         return machine, first, machine.asked([first])
     except DsdError:
         return None

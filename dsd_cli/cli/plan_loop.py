@@ -15,9 +15,10 @@ from dsd_cli.cli.plan_request import Answer, Request, planned
 from dsd_cli.errors import DataError, UsageError
 
 if TYPE_CHECKING:
-    from dsd_cli.design.results import Experiment, Plan
+    from dsd_cli.design.results import Plan
     from dsd_cli.files.config import Config
     from dsd_cli.identify.results import Diagnosis
+    from dsd_cli.report.planning import Experiment
 
 #: Share of a limit (of the range, for the position) that a log may go beyond it: noise of its sensor.
 _NOISE = 0.05
@@ -102,7 +103,7 @@ def misled(together: Diagnosis, alone: Diagnosis) -> bool:
 
 
 def _experiment(reference: Path, log: Path, found: Diagnosis, open_now: tuple[str, ...]) -> Experiment:
-    from dsd_cli.design.results import Experiment
+    from dsd_cli.report.planning import Experiment
 
     return Experiment(str(reference), str(log), found.verdict, found.probability, open_now)
 
@@ -145,7 +146,8 @@ def _run(words: Sequence[str], plan: Plan, reference: Path, log: Path, quiet: bo
     except OSError as error:
         raise UsageError(f"--run-with {filled[0]}: cannot be run", error.strerror or str(error)) from None
     finally:
-        if code != 0 and log.is_file():  # a part of a log, which the same command must not take for its log
+        # a part of a log, or nothing, which the same command must not take for its log
+        if log.is_file() and (code != 0 or log.stat().st_size == 0):
             log.replace(log.with_stem(f"{log.stem}-failed"))
     if code != 0:
         raise DataError(f"{filled[0]} ended with exit code {code}", f"run it by hand with {reference}")
@@ -187,12 +189,14 @@ def _from_where_it_is(asked: Request, plan: Plan) -> Request:
 
 
 def left_open(found: Diagnosis) -> tuple[str, ...]:
-    """Ties of what was found, an unknown verdict, and values of it that are not identified."""
-    from dsd_cli.identify.results import UNKNOWN
+    """Ties of what was found, an unknown verdict, and values of it that are not identified; where nothing is missing,
+    the inertia: a log that does not even identify that shows no force that is missing."""
+    from dsd_cli.identify.results import INERTIA, NONE, UNKNOWN
 
     ranking = {c.effect: c for c in found.ranking}
     named = found.found or ((found.verdict,) if found.verdict in ranking else ())
     ties = [f"{n} or {r}" for n in named for r in (ranking[n].indistinguishable_from if n in ranking else ())]
     values = found.whole_values or found.estimates
+    named = (INERTIA,) if found.verdict == NONE else named
     weak = [n for n, e in values.items() if e.grade in ("weak", "not") and n.partition(".")[0] in named]
     return (*(["what is missing"] if found.verdict == UNKNOWN else []), *ties, *weak)

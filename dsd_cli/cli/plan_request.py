@@ -14,12 +14,13 @@ if TYPE_CHECKING:
     from dsd_cli.cli.identification import Given
     from dsd_cli.cli.progress import Progress
     from dsd_cli.design.plan import Wanted
-    from dsd_cli.design.results import Experiment, Plan
+    from dsd_cli.design.results import Plan
     from dsd_cli.files.config import Config
     from dsd_cli.identify.fit.solve import Fit
     from dsd_cli.identify.results import Diagnosis
     from dsd_cli.identify.search.sets import Search
     from dsd_cli.plant.controllers import ControllerSettings
+    from dsd_cli.report.planning import Experiment
 
 #: What --seconds stands for, and the least that a motion can have.
 _LENGTHS, _LEAST_SECONDS, _MOST_SECONDS = 5, 1.0, 600.0

@@ -41,6 +41,10 @@ class UnstableLoopError(DataError):
     """The simulated loop is not stable with a plant; says under which gains."""
 
 
+class StandsOffError(UnstableLoopError):
+    """It holds the axis beyond the limits before the motion begins, so that no user has brought it to the start."""
+
+
 @dataclass(frozen=True)
 class Run:
     """What a plant did: path and u, shape (n,), from the first sample of the motion on."""
@@ -77,7 +81,8 @@ def run_loop(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits:
 
     Raises
     ------
-    UnstableLoopError : the loop is not stable with this plant.
+    UnstableLoopError : the loop is not stable with this plant. StandsOffError : nobody described a loop that cannot
+    hold it at the start.
     """
     before, (path, added) = round(SETTLE / loop.step), planned
     if loop.controller.integral > 0.0:  # what holds the axis at the start stands in it before the motion begins
@@ -105,6 +110,9 @@ def run_loop(plant: PlantModel, loop: Loop, planned: tuple[Path, Array], limits:
     if not loop.described:  # one so stiff that the axis follows, whose friction or inertia holds it up in this one
         followed = command_for(plant, path, 3.0 * limits.u)
         u = np.where(np.abs(followed) > np.abs(u), followed, u)
+        stands = float(log["position"][before])
+        if not (loop.controller.integral > 0.0 or limits.low <= stands <= limits.high):
+            raise StandsOffError(f"a loop without an integral rests at {stands:.3g}, not at {limits.start:.3g},")
     slope = np.diff(velocity, prepend=velocity[:1]) / loop.step
     return Run(Path(loop.step, *(x[before:] for x in (log["position"], velocity, slope))), u[before:])
 

@@ -266,14 +266,15 @@ def _changed(fit: Fit, change: Array) -> Fit:
 
 
 def values_of(search: Search, first: Explanation, wanted: Sequence[str] | None) -> tuple[Value, ...]:
-    """Weak ones, or those that were asked for, with their slopes."""
-    estimates = search.values(first.fit).estimates
+    """Weak ones, or those that were asked for, with their slopes. An error is to be small against what the plant has:
+    where the logs do not identify a value its estimate is no size, as an inertia of next to nothing."""
+    estimates, plant = search.values(first.fit).estimates, flat(first.fitted)
     if wanted is None:
         wanted = [n for n, e in estimates.items() if e.grade in ("weak", "not") and not (e.held or is_angle(n))]
     found = []
     for name in wanted:
         value, error = estimates[name].value, estimates[name].std_error
-        size = search.problem.recordings[0].sample_time if name == DELAY else abs(value)
+        size = search.problem.recordings[0].sample_time if name == DELAY else abs(plant[name] or value)
         found.append(Value(name, size, error, _slope(search, first.fit, name, first.model.size - 1)))
     return tuple(found)
 

@@ -117,7 +117,8 @@ class _Asked:
         names, problem = [e.name for e in targets.explanations], search.problem
         far = not targets.unknown and not wanted.names and "position" in unvisited(self.limits, problem.recordings)
         asked = targets
-        targets = able_to_move(asked, room, problem.model, problem.recordings[0].sample_time, far=far)
+        if not asked.nothing:
+            targets = able_to_move(asked, room, problem.model, problem.recordings[0].sample_time, far=far)
         report("looking at motions", 0.1)
         impossible = [*not_by_motion(search, targets, self.diagnosis), *beyond_u(asked, targets)]
         measure = Measure(search, targets, _DRAWS_IN_SEARCH, limits=self.limits)

@@ -95,14 +95,3 @@ class Plan:
     warnings: tuple[str, ...] = ()
     units: Units = field(default_factory=Units)
     band_hz: float = 0.0
-
-
-@dataclass(frozen=True)
-class Experiment:
-    """One round of a loop: files, and what the logs so far say after it."""
-
-    reference: str
-    log: str
-    verdict: str
-    probability: float
-    left_open: tuple[str, ...]

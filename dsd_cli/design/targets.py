@@ -103,8 +103,11 @@ def _own(name: str, pairs: Sequence[tuple[str, str]]) -> set[str]:
 
 
 def nobody_knows(diagnosis: Diagnosis) -> bool:
-    """Whether nobody knows what is missing: that something else is left is likelier than any effect that was found."""
-    return diagnosis.verdict == UNKNOWN or diagnosis.unexplained.probability > diagnosis.probability
+    """Whether nobody knows what is missing: that something else is left is likelier than any effect that was found, or
+    the verdict is a value of the model of which the logs say nothing, as an inertia that hardly moved."""
+    value = diagnosis.estimates.get(diagnosis.verdict)
+    nothing_said = value is not None and value.grade == "not"
+    return nothing_said or diagnosis.verdict == UNKNOWN or diagnosis.unexplained.probability > diagnosis.probability
 
 
 def _check(name: str, search: Search) -> None:

@@ -8,7 +8,7 @@ from functools import lru_cache
 
 import numpy as np
 
-from dsd_cli.design.closed_loop import SETTLE, Loop, Run, UnstableLoopError, run_loop
+from dsd_cli.design.closed_loop import SETTLE, Loop, Run, StandsOffError, UnstableLoopError, run_loop
 from dsd_cli.design.inverse import Path, command_for
 from dsd_cli.design.limits import Limits, TooNarrowError
 from dsd_cli.design.motions import FADES, MotionSegment, Room
@@ -70,7 +70,7 @@ def verified(
     last, broke, loop = dict[Key, dict[int, tuple[float, float]]](), dict[Key, Run](), loops[0]
     run = lru_cache(len(order))(lambda k, x: run_loop(plants[k], loops[k[2]], _planned(led, x, room, loop), allowed))
     for _ in range(_SHRINKS * len(order)):
-        runs, why, narrow, way = dict[Key, Run](), "", set[str](), FOLLOWED * np.ptp(joined(parts, room))
+        runs, why, off, narrow, way = dict[Key, Run](), "", False, set[str](), FOLLOWED * np.ptp(joined(parts, room))
         try:  # who broke a limit will most likely do so in the first half
             for key, times in [*((k, 1) for k in order[:1] if last), *((k, TIMES) for k in order)]:
                 now = runs[key] = run(key, times * parts)
@@ -86,14 +86,14 @@ def verified(
                 continue
             narrow = runs[key].exceeded(allowed).keys() - runs[key].exceeded(room.reached or allowed).keys()
         except UnstableLoopError as failure:
-            why = failure.message
-        name = "the model alone" if names[key[0]] == NONE else names[key[0]]
+            why, off = failure.message, isinstance(failure, StandsOffError)
         if narrow and not (key[0] and key[1] and targets.unknown):
             break
-        parts, last = wide, {}
-        if key[1] and (why or targets.unknown):  # what the loop cannot hold, or not within the limits, is not that axis
+        parts, last, name = wide, {}, "the model alone" if names[key[0]] == NONE else names[key[0]]
+        if off or (key[1] and (why or targets.unknown)):  # what no loop holds there is not that axis
             order = [k for k in order if k != key]
-            unstable.append(f"{why or 'no motion keeps the limits'} with other likely values of {name}")
+            which = f"other likely values of {name}" if key[1] else name
+            unstable.append(f"{why or 'no motion keeps the limits'} with {which}")
             continue
         if key[0] == 0 or any(key[0] in pair for pair in targets.pairs):
             break

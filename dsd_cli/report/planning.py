@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from dsd_cli.design.results import Experiment, Plan, PlannedPair, PlannedValue, Stage
+from dsd_cli.design.results import Plan, PlannedPair, PlannedValue, Stage
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import plain_table
 from dsd_cli.report.head import head
@@ -23,6 +23,17 @@ TOLD = 6.0
 _NEAR = 3.0
 #: Beyond so many nats only that they are many is said.
 _MANY = 1e4
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """One round of a loop: files, and what the logs so far say after it."""
+
+    reference: str
+    log: str
+    verdict: str
+    probability: float
+    left_open: tuple[str, ...]
 
 
 class Channel(NamedTuple):

@@ -382,6 +382,10 @@ def test_a_broken_limit_or_command_ends_the_loop(tmp_path: Path, monkeypatch: py
     # what it left is no log of the whole motion
     assert not Path("auto-1-log.csv").exists()
     assert Path("auto-1-log-failed.csv").is_file()
+    Path("rig.py").write_text("import sys\nopen(sys.argv[2], 'w')\n")  # a logger that opened its file and wrote nothing
+    with pytest.raises(DataError, match=r"left no auto-1-log\.csv"):
+        closed_with(command, monkeypatch)
+    assert not Path("auto-1-log.csv").exists()
 
 
 def test_a_u_that_was_constant_is_what_a_motion_mends(folder: Path) -> None:

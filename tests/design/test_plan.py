@@ -176,7 +176,7 @@ def test_a_load_that_the_feedforward_lacks_is_held_by_an_integral_or_by_standing
     """The integral has settled when the motion begins; without one the axis rests where kp e is the load."""
     plant = PlantModel(0.01, 0.02, {"constant_load": {"force": 0.3}})
     settled, without = usual_loops(plant, tied.observer, 0.002)
-    limits = limits_of([tied.recording], {}, math.nan, 10.0)
+    limits = limits_of([tied.recording], {"position": (-2.0, 2.0)}, math.nan, 10.0)
     rest = Path.of(np.full(2000, limits.start), settled.step)
     run, off = (run_loop(plant, loop, (rest, np.zeros(2000)), limits) for loop in (settled, without))
     assert run.path.position == pytest.approx(limits.start)
@@ -528,6 +528,18 @@ def test_the_gain_of_the_drive_is_no_matter_of_motion(tied: Asked) -> None:
     (gain,) = tied.plan(names=("gain",)).impossible
     assert "gain" in gain.what
     assert "mass" in gain.remedy
+
+
+def test_what_no_motion_is_for_needs_no_axis_that_moves(tied: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
+    """What was found in a crawl no u could hold: of the gain of the drive, the limit of u was said to be too low."""
+
+    def refused(*_: object, **__: object) -> None:
+        raise DataError("u does not move this axis", "")
+
+    monkeypatch.setattr("dsd_cli.design.plan.able_to_move", refused)
+    plan = tied.plan(names=("gain",))
+    assert plan.motion is None
+    assert "gain" in plan.impossible[0].what
 
 
 def test_what_the_next_motion_may_show_is_not_said_to_be_lost(slow: Asked, monkeypatch: pytest.MonkeyPatch) -> None:
