@@ -36,6 +36,28 @@ def _starts(ranges: Ranges) -> list[Shape]:
     return [{"gap": gap, "frequency": f, "slowing": 0.0} for gap, f in product(gaps, frequencies)]
 
 
+#: How far from the best gap and frequency the load still touches at about the same times, natural logarithm. From one
+#: flank to the other it is on the way for long: a gap that is off by 5 % puts off each contact, and with it all that
+#: follow, while the frequency is of a contact alone.
+_VALLEY = {"gap": 0.04, "frequency": 0.3}
+
+
+def _closely(ranges: Ranges) -> list[Shape]:
+    """Gaps that the sensor resolves, and frequencies, so close that one is in the valley."""
+    if not (ranges.duration > 0.0 and ranges.sample_time > 0.0):
+        return []
+    highest = min(0.1 / ranges.sample_time, HIGHEST * ranges.band_hz)
+    ends = {
+        "gap": (max(1e-3 * ranges.travel, ranges.resolution), 0.2 * ranges.travel),
+        "frequency": (min(5.0, highest), highest),
+    }
+    gaps, frequencies = (
+        log_spaced(a, b, math.ceil(math.log(b / a) / _VALLEY[name]) + 1) if a < b else []
+        for name, (a, b) in ends.items()
+    )
+    return [{"gap": gap, "frequency": f, "slowing": 0.0} for gap, f in product(gaps, frequencies)]
+
+
 def _split(values: Values, inertia: float) -> tuple[tuple[float, ...], Shape]:
     share = float(values["load_share"])
     rate = math.sqrt(values["stiffness"] / (share * inertia))
@@ -85,6 +107,9 @@ EFFECT = Effect(
     needs=("position",),
     columns=_columns,
     starts=_starts,
+    closely=_closely,
+    valley=_VALLEY,
+    hidden_by=("coulomb_friction", "viscous_friction"),
     split=_split,
     join=_join,
     memory=True,

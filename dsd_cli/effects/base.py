@@ -121,6 +121,10 @@ class SpectralLines(Protocol):
     def over_position(self) -> tuple[float, ...]: ...
 
 
+def _no_starts(_: Ranges) -> list[Shape]:
+    return []
+
+
 def _no_seeds(_: SpectralLines) -> list[Shape]:
     return []
 
@@ -147,6 +151,9 @@ class Effect:
         are not parameters (amplitude and phase -> sine and cosine) give their own, and `join` undoes it.
     memory : the columns depend on earlier rows.
     seeds : (lines of the residual) -> further shapes to start from.
+    closely : (ranges of the log) -> starts so close together that one is in the best valley, where valleys are narrow:
+        they are asked once. valley : how far from the best one may be, natural logarithm of each of these parameters.
+        hidden_by : effects that any machine may have, beside which it is looked for so.
     lateness : shape -> s by which the effect makes a command late, so that a search moves the delay along with it.
     periods : (shape, ranges) -> periods of it in the log: it is determined to about that share of itself.
     broad : shape parameters that matter less than the others.
@@ -177,6 +184,9 @@ class Effect:
     join: Callable[[tuple[float, ...], Shape, float], Values] | None = None
     memory: bool = False
     seeds: Callable[[SpectralLines], list[Shape]] = field(default=_no_seeds)
+    closely: Callable[[Ranges], list[Shape]] = field(default=_no_starts)
+    valley: Mapping[str, float] = field(default_factory=dict)
+    hidden_by: tuple[str, ...] = ()
     lateness: Callable[[Shape], float] | None = None
     periods: Callable[[Shape, Ranges], float] | None = None
     broad: tuple[str, ...] = ()

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.search.shapes import LINES, Lines, _peaks, starts
+from dsd_cli.identify.search.shapes import Lines, starts
 from dsd_cli.identify.verdict.diagnose import Settings, diagnose
 from dsd_cli.signals.log import with_channels
+from dsd_cli.signals.peaks import LINES, peaks
 from tests.identify.outside_rig import asked
 from tests.identify.search_rig import MOVES, posed
 from tests.oracle.rig import RigCase, make
@@ -76,16 +77,16 @@ def test_other_effects_start_from_their_own_shapes():
 def test_peaks_are_local_maxima_above_their_surroundings_strongest_first():
     power = np.ones(400) + 0.01 * np.sin(np.arange(400))
     power[120], power[300], power[2] = 50.0, 90.0, 1e3
-    assert _peaks(power, 5)[:2] == [300, 120]
-    assert len(_peaks(power, 5)) <= LINES
-    assert _peaks(np.ones(6), 2) == []
+    assert peaks(power, 5)[:2] == [300, 120]
+    assert len(peaks(power, 5)) <= LINES
+    assert peaks(np.ones(6), 2) == []
 
 
 def test_a_weak_line_on_a_low_floor_is_stronger_than_a_bump_on_a_high_one():
     floor = np.where(np.arange(1000) < 500, 1000.0, 1.0)
     power = floor * (1.0 + 0.01 * np.sin(np.arange(1000)))
     power[250], power[750] = 3000.0, 60.0
-    assert _peaks(power, 3)[0] == 750
+    assert peaks(power, 3)[0] == 750
 
 
 @pytest.mark.parametrize(("seed", "sensing", "duration"), [(64003, "speed40k", 3.0), (64321, "udhat", 20.0)])

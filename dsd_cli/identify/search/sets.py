@@ -91,20 +91,18 @@ class Search(Evidence):
         """With the shape of the last of these effects searched from where it is."""
         return self.fit(*refined(self, terms, len(terms) - 1, tap, ROUNDS_IN_SCAN) if terms[-1].items else (terms, tap))
 
-    def _at_best_starts(self, current: Fit, member: str = "") -> list[tuple[float, int, Term]]:
+    def _at_best_starts(self, current: Fit, member: str = "", closely: bool = False) -> list[tuple[float, int, Term]]:
         """(gain, delay, term) of every allowed effect at the best of its starts; of laws alone in place of a member."""
         lines, scan = Lines(self.problem.errors, current), self.scan(current.terms, current.tap)
-        here = {t.id for t in current.terms}
         found = []
-        for effect_id in names_to_try(self.allowed, here, self.ranges):
+        for effect_id in names_to_try(self.allowed, {t.id for t in current.terms}, self.ranges):
             effect = get_effect(effect_id)
             if effect.listed or (member and (effect_id == member or effect.of_time)):  # `pulses` looks for the listed
                 continue
-            known = self.solver.known
-            shapes = (known.pinned(effect_id, shape) for shape in starts(effect_id, self.ranges, lines))
-            terms = dict.fromkeys(Term.of(effect_id, shape) for shape in shapes)
-            tried = [term for term in terms if apart(term, current.terms, self.ranges)]
-            found += sorted(((*scan.gain(term, keep=True), term) for term in tried), key=lambda f: -f[0])[:1]
+            begun = effect.closely(self.ranges) if closely else starts(effect_id, self.ranges, lines)
+            terms = dict.fromkeys(Term.of(effect_id, self.solver.known.pinned(effect_id, shape)) for shape in begun)
+            tried = ((*scan.gain(x, not closely), x) for x in terms if apart(x, current.terms, self.ranges))
+            found += sorted(tried, key=lambda f: -f[0])[:1]
         return found
 
     @once
@@ -164,9 +162,27 @@ class Search(Evidence):
             if not reached:
                 break
             current = max(reached, key=self.evidence)
-            if to_friction and has_friction(current.terms) and not has_friction(start.terms):
+            if to_friction and has_friction(current.terms):
                 break
         return current
+
+    def with_play(self, fit: Fit) -> Fit:
+        """With a play in the place of lines and loads, if that has more evidence. To and fro a play leaves the same at
+        the same places each time: lines explain a part of that, and beside them its valley is not seen any more."""
+        others = {t for t in self.added(fit.terms) if t.effect.repeats is not None or t.effect.role is Role.STRUCTURE}
+        laws = [t for t in fit.terms if t not in others]
+        wanted = {n for e in map(get_effect, self.allowed) for n in e.hidden_by if n in self.allowed}
+        rest = self.fit((*laws, *(Term(n) for n in sorted(wanted - {t.id for t in laws}))), fit.tap)
+        known = any(t.effect.role is Role.STRUCTURE for t in laws)
+        if known or self.problem.errors.rmse(rest) < self.problem.least_missing:
+            return fit
+        found = [self._near(self.fit((*rest.terms, x), tap)) for _, tap, x in self._at_best_starts(rest, closely=True)]
+        return max((fit, *(self._near(self.settled(x, rest)) for x in found)), key=self.evidence)
+
+    def _near(self, fit: Fit) -> Fit:
+        """With the shape of an effect that is in its narrow valley searched there."""
+        at = [i for i, t in enumerate(fit.terms) if t.effect.valley]
+        return self.fit(*refined(self, fit.terms, at[0], fit.tap, near=True)) if at else fit
 
     def _forward(self, current: Fit, options: Sequence[Option]) -> list[Fit]:
         """Sets with one effect more, or two, that matter."""

@@ -21,13 +21,10 @@ from dsd_cli.identify.search.evidence import Evidence
 from dsd_cli.identify.search.scan import Scan
 from dsd_cli.signals.golden import golden_section
 from dsd_cli.signals.log import Array
+from dsd_cli.signals.peaks import peaks
 
-#: Lines of a spectrum that are followed up, and bins over the position.
-LINES, BINS = 4, 4096
-#: Bins over which the background is averaged to either side, at least.
-_AROUND = 8
-#: Quantile of the speed at which a ripple over the position must pass the band.
-SLOW = 0.25
+#: Bins over the position, and the quantile of the speed at which a ripple over it must pass the band.
+BINS, SLOW = 4096, 0.25
 
 
 def names_to_try(allowed: Iterable[str], here: Collection[str], ranges: Ranges) -> Iterator[str]:
@@ -93,7 +90,7 @@ class Lines:
         for x, row_time in parts:  # a line at one frequency, in whichever band, and of one size
             own = np.abs(np.fft.rfft(x - x.mean(), round(2.0 * longest / row_time))) ** 2 * (row_time / finest) ** 2
             power[: len(own)] += own[: len(power)]
-        return tuple(k * step for k in _peaks(power, int(shortest / step) + 1))
+        return tuple(k * step for k in peaks(power, int(shortest / step) + 1))
 
     @cached_property
     def over_position(self) -> tuple[float, ...]:
@@ -114,7 +111,7 @@ class Lines:
         highest = 2.0 * np.pi * self._equations.band.hz / usual  # what passes the band at such speeds
         told = POLICY.resolved_deviations * max(r.position_noise for r in self._equations.recordings)
         highest = min(highest, 2.0 * np.pi / max(told, 1e-300))  # a line of the sensor's own counts is no force
-        return tuple(k * step for k in _peaks(power[: int(highest / step) + 1], int(2 * POLICY.least_periods)))
+        return tuple(k * step for k in peaks(power[: int(highest / step) + 1], int(2 * POLICY.least_periods)))
 
 
 def _beside_cycle(rows: Array, cycle: float) -> Array:
@@ -126,19 +123,6 @@ def _beside_cycle(rows: Array, cycle: float) -> Array:
     return rows - (np.bincount(phase, rows) / np.maximum(np.bincount(phase), 1))[phase]
 
 
-def _peaks(power: Array, first: int) -> list[int]:
-    """Positions of the highest local maxima over the local background, strongest first."""
-    if len(power) < first + _AROUND:
-        return []
-    width = min(max(len(power) // 50, _AROUND), (len(power) - 1) // 2)
-    background = np.convolve(power, np.ones(2 * width + 1), "same") / (2 * width + 1)
-    strength = power / np.maximum(background, 1e-300)
-    strength[:first] = 0.0
-    inner = strength[1:-1]
-    local = np.flatnonzero((inner >= strength[:-2]) & (inner >= strength[2:])) + 1
-    return local[np.argsort(strength[local])[::-1][:LINES]].tolist()
-
-
 #: Half width of the bracket, natural logarithm of the parameter; frequencies of lines have narrower ones.
 BRACKET = 0.6
 STEPS = 7
@@ -148,8 +132,10 @@ STEPS = 7
 ROUNDS, SHRINK, SHRINK_ALONE, ENOUGH = 5, 0.7, 0.1, 1e-3
 
 
-def refined(search: Evidence, terms: Terms, i: int, tap: int, rounds: int = ROUNDS) -> tuple[Terms, int]:
-    """(terms with effect number i at its best shape, best delay); the squares over all rows are what counts."""
+def refined(
+    search: Evidence, terms: Terms, i: int, tap: int, rounds: int = ROUNDS, near: bool = False
+) -> tuple[Terms, int]:
+    """(terms with effect number i at its best shape, best delay), by squares of all rows; near : in its valley."""
     term = terms[i]
     scan = search.scan((*terms[:i], *terms[i + 1 :]), tap)
     held = search.solver.known.fixed
@@ -163,7 +149,7 @@ def refined(search: Evidence, terms: Terms, i: int, tap: int, rounds: int = ROUN
     for turn in range(rounds if len(names) > 1 else alone):
         before = found[0]
         for name in names:
-            found = _along(search, scan, found, name, _half_width(search, term, name) * (shrink**turn))
+            found = _along(search, scan, found, name, _half_width(search, term, name, near) * (shrink**turn))
         if not line and found[0] < (1.0 + ENOUGH) * before:
             break
     if not apart(found[2], terms, search.ranges):  # it went where another of its kind is
@@ -171,10 +157,10 @@ def refined(search: Evidence, terms: Terms, i: int, tap: int, rounds: int = ROUN
     return (*terms[:i], found[2], *terms[i + 1 :]), found[1]
 
 
-def _half_width(search: Evidence, term: Term, name: str) -> float:
+def _half_width(search: Evidence, term: Term, name: str, near: bool) -> float:
     """The frequency of a line of n periods is known to about 1/n of itself."""
     if term.effect.periods is None:
-        return BRACKET
+        return term.effect.valley.get(name, BRACKET) if near else BRACKET
     return min(BRACKET, 0.7 / max(term.effect.periods(term.shape, search.ranges), 1e-300))
 
 

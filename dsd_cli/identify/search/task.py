@@ -127,7 +127,7 @@ def _found(task: Task, parts: Sequence[Recording], begun: Fit | None = None) -> 
             again = Search(search.problem.measured_again(whole))
             if again.equations.row_weight is not None:  # friction decides which rows count
                 search, whole = again, again.settled(again.fit(whole.terms, whole.tap))
-            whole = search.run(whole)
+        whole = search.run(search.with_play(whole))
     else:
         whole = search.fit(begun.terms, begun.tap)
     search = Search(search.problem.measured_again(whole))
@@ -213,8 +213,6 @@ def _seen(times: Sequence[np.ndarray], place: Sequence[int], parts: Sequence[Rec
     """1 in rows that the excerpts contain, otherwise 0."""
     found = []
     for t, i in zip(times, place, strict=True):
-        inside = np.zeros(len(t), dtype=bool)
-        for piece in parts[i].pieces:
-            inside |= (t >= piece["t"][0]) & (t <= piece["t"][-1])
-        found.append(inside.astype(np.float64))
+        inside = [(t >= piece["t"][0]) & (t <= piece["t"][-1]) for piece in parts[i].pieces]
+        found.append(np.any([np.zeros(len(t), bool), *inside], axis=0).astype(np.float64))
     return np.concatenate(found)
