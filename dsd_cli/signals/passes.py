@@ -16,6 +16,8 @@ from dsd_cli.signals.compiled import compiled_module
 from dsd_cli.signals.decimating import decimated, in_groups
 from dsd_cli.signals.log import Array
 
+#: First samples of segments; each ends where the next begins.
+Starts = Sequence[int] | NDArray[np.int_]
 #: Values that NumPy makes at once, as a product with a matrix of the taps: less than half of what `np.convolve` takes.
 _PIECE = 32
 
@@ -60,7 +62,7 @@ def _groups(taps: bytes, step: int) -> Array:
     return in_groups(np.frombuffer(taps), step)
 
 
-def products(columns: Sequence[Array], starts: Sequence[int] | NDArray[np.int_], compiled: Any = COMPILED) -> Array:
+def products(columns: Sequence[Array], starts: Starts, compiled: Any = COMPILED) -> Array:
     """Inner products of p columns, shape (N,) each, of segments that begin at `starts` and end where the next begins,
     the last at N: shape (segments, p, p)."""
     edges = _edges(columns, starts)
@@ -74,9 +76,7 @@ def products(columns: Sequence[Array], starts: Sequence[int] | NDArray[np.int_],
     return found
 
 
-def mixed(
-    columns: Sequence[Array], weights: Array, starts: Sequence[int] | NDArray[np.int_] = (0,), compiled: Any = COMPILED
-) -> Array:
+def mixed(columns: Sequence[Array], weights: Array, starts: Starts = (0,), compiled: Any = COMPILED) -> Array:
     """Sum of p columns, shape (N,) each, times weights, shape (N,); weights: shape (p,), or (segments, p) where each
     segment that begins at `starts` has its own."""
     edges, found, each = _edges(columns, starts), np.zeros(len(columns[0])), _row(np.atleast_2d(weights))
@@ -88,7 +88,7 @@ def mixed(
     return found
 
 
-def _edges(columns: Sequence[Array], starts: Sequence[int] | NDArray[np.int_]) -> NDArray[np.int64]:
+def _edges(columns: Sequence[Array], starts: Starts) -> NDArray[np.int64]:
     return np.array([*starts, len(columns[0])], dtype=np.int64)
 
 

@@ -86,6 +86,7 @@ class Bank:
     around : share of a step of delay at which the drive is exact, and linear beside it, and so are columns of u; None
         mixes two whole steps, which takes up to an eighth of (w step)^2 off the drive.
     delay_step : samples from one whole-step delay ("tap") to the next. hats : of free-form functions (`fit.freeform`).
+    slopes : of laws of u (`fit.laws_of_u`).
     """
 
     def __init__(
@@ -95,6 +96,7 @@ class Bank:
         self.delay_step = max(1, int(equations.band.step * POLICY.delay_step_share))
         self._known: dict[Any, list[Array]] = {}
         self.hats: dict[Any, tuple[list[Array], Array]] = {}
+        self.slopes: dict[tuple[Term, int], Array] = {}
         self._drives: dict[Any, Array] = {}
         self._last_drive: dict[Any, Array] = {}
         self._last_commands: tuple[Terms | None, list[Array]] = (None, [])

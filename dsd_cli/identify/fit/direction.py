@@ -87,9 +87,11 @@ def drowns(moved: Array, fitted: float, inertia: float) -> bool:
 
 
 def needs_acceleration(effect_id: str) -> bool:
-    """Whether an effect can be identified by the forward form alone: one on u, of u, of time, or a mass."""
+    """Whether an effect can be identified by the forward form alone: one on u, of time, a mass, or of u
+    but friction."""
     effect = get_effect(effect_id)
-    return effect.role in (Role.INPUT, Role.STRUCTURE) or "u" in effect.needs or effect.of_time
+    of_u = "u" in effect.needs and effect.role is not Role.FRICTION  # see `laws_of_u`
+    return effect.role in (Role.INPUT, Role.STRUCTURE) or of_u or effect.of_time
 
 
 #: Delays that are tried first, and coarse steps to either side of a delay that is about right.

@@ -15,6 +15,7 @@ from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, Term, has_friction
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
+from dsd_cli.identify.fit.laws_of_u import shrinks
 from dsd_cli.identify.fit.row_weights import inflation, still_rows, weighed
 from dsd_cli.identify.fit.solve import Fit, Solver
 from dsd_cli.identify.fit.values import Scale, coefficients_of, terms_of, whole_inertia
@@ -69,10 +70,11 @@ class Errors:
 
         Shape (N,), 0 in rows that do not count.
         """
-        rows = self.bank.rows(fit.terms, fit.tap)
-        if not held_out:
-            return mixed(rows, fit.forward) * self._keep
-        return mixed(rows, fit.forward_folds[self.blocks.fold], self.blocks.starts[::3]) * self._keep
+        design, starts, weights = self.bank.design(fit.terms, fit.tap), np.zeros(1, dtype=np.int_), fit.forward[None]
+        if held_out:
+            starts, weights = self.blocks.starts[::3], fit.forward_folds[self.blocks.fold]
+        left = mixed(design.rows, weights, starts) * self._keep
+        return left / shrinks(self.bank, design, fit.terms, fit.tap, weights, starts) if fit.inverse else left
 
     @once
     def white(self, fit: Fit) -> bool:

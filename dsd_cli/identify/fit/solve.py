@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,6 +19,7 @@ import numpy as np
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, SHARE, Bank, Design, Term, Terms, has_friction, inputs_of
 from dsd_cli.identify.fit.blocks import Blocks, Grams, grams, total_gram, without_noise
 from dsd_cli.identify.fit.constraints import Reduction, Rules, solved
+from dsd_cli.identify.fit.laws_of_u import at_law, grown
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY
@@ -104,6 +106,7 @@ class Solver:
     ) -> None:
         self.bank, self.blocks, self.inertia = bank, blocks, inertia
         self.known, self.variance, self.inverse = known or PriorKnowledge(), variance, inverse
+        self._grown = partial(grown, bank) if inverse else lambda *_: np.ones(1)
 
     def on(self, bank: Bank, variance: float = 0.0, blocks: Blocks | None = None) -> Solver:
         """The same on other rows."""
@@ -120,8 +123,7 @@ class Solver:
         """
         design = self.bank.design(terms, tap, keep)
         total = total_gram(design.rows)
-        weights, judged = self._judging(design, total[None], self.reductions(terms, tap, design, total))
-        return self._size(weights[0], judged[0]) + self.pull(terms)
+        return self._left(terms, tap, design, total) + self.pull(terms)
 
     def squares_of(self, sets: Sequence[Terms], tap: int) -> dict[Terms, float]:
         """`squares` of many sets: inner products of the columns that they share are summed once."""
@@ -135,9 +137,7 @@ class Solver:
             total = total_gram(design.rows)
             for terms in group:
                 rows, part = _part(design, every, terms)
-                gram = total[np.ix_(rows, rows)]
-                weights, judged = self._judging(part, gram[None], self.reductions(terms, tap, part, gram))
-                found[terms] = self._size(weights[0], judged[0]) + self.pull(terms)
+                found[terms] = self._left(terms, tap, part, total[np.ix_(rows, rows)]) + self.pull(terms)
         return found
 
     @once
@@ -164,8 +164,9 @@ class Solver:
             inverse[1:],
             weights[0],
             weights[1:],
-            self._size(weights[0], judged[0]) + self.pull(terms),
-            np.einsum("bi,bij,bj->b", held, aside, held),
+            self._size(weights[0], judged[0]) * self._grown(design, terms, tap, weights[:1])[0] + self.pull(terms),
+            np.einsum("bi,bij,bj->b", held, aside, held)
+            * self._grown(design, terms, tap, held, self.blocks.starts[::3]),
             design.widths,
             found,
             0.0 if rules.inverse is None else rules.inverse.variance,
@@ -183,6 +184,12 @@ class Solver:
             return self.inertia * solved(judged, 1, _forward_signs(design), rules.forward)[1], judged
         quiet = _with_priors(without_noise(stack, design.noise, count), rules.inverse)
         return -solved(quiet, 0, _signs(design), rules.inverse)[1], _with_priors(stack, rules.inverse)
+
+    def _left(self, terms: Terms, tap: int, design: Design, total: Array) -> float:
+        """Sum of squares of the form that is evidence."""
+        rules = self.reductions(terms, tap, design, total)
+        weights, judged = self._judging(design, total[None], rules)
+        return self._size(weights[0], judged[0]) * float(self._grown(design, terms, tap, weights)[0])
 
     def taps(self, most: int) -> range:
         """Whole steps of delay that are allowed, up to `most`."""
@@ -202,9 +209,10 @@ class Solver:
 
     def reductions(self, terms: Terms, tap: int, design: Design, total: Array, zero: Sequence[int] = ()) -> Reductions:
         """What is known of the values of these effects, as rules on rows of that Gram matrix; `zero` : coefficients."""
-        if not (self.known or zero):
+        known = at_law(self.bank, design, terms, tap, total, self.known, self.variance) if self.inverse else self.known
+        if not (known or zero):
             return Reductions(None, None)
-        rules = Rules(self.known, 0.0, terms, design.widths, tap, self.bank.tap_time)
+        rules = Rules(known, 0.0, terms, design.widths, tap, self.bank.tap_time)
         gram = without_noise(total, design.noise, len(design.rows[0]))[None]
         theta, held, pressed = np.zeros(len(design.rows) - 1), rules.held(None), list(zero)
         found = rules.reduction(theta, held, pressed, linear_only=True)

@@ -16,6 +16,7 @@ from dsd_cli.effects import free_name, kind_of
 from dsd_cli.errors import DataError
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.direction import tells_by_motion
+from dsd_cli.identify.fit.laws_of_u import law_of_u
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
@@ -150,25 +151,28 @@ def _either_way(task: Task) -> Levelled:
     An axis that sticks and slips accelerates hard for moments, so that J a is a fair part of u, and yet what u does
     not explain is most of that: friction and cogging, which the motion explains all of. So is noise that u alone has.
     A dead zone is no function of the motion, but the motion shows it, however small a part of u J a is. A set without
-    any force has explained nothing of either: what it leaves of u and J a together is small where J a is.
+    any force has explained nothing of either: what it leaves of u and J a together is small where J a is. A law of u
+    explains u by itself: the other way is held against what is left without it.
     """
     found = levelled(task)
     search, whole, inverse = found.search, found.whole, found.search.solver.inverse
+    if inverse and (law := law_of_u(search.added(whole.terms))) is not None:
+        whole = search.without(whole, law)
     bank, drifts = search.problem.errors.bank, search.problem.reconstructed("velocity")
     tells = inverse or tells_by_motion(bank, whole.tap, search.solver.inertia)
     more = above_floor(search, whole) or (not inverse and noise_of_u(search, whole))
     if task.settings.inverse is not None or drifts or not (tells and more):
         return found
     there = levelled(replace(task, settings=replace(task.settings, inverse=not inverse)))
-    less = _unexplained(there) < POLICY.other_way * _unexplained(found, beside_u=bool(whole.terms))
+    less = _unexplained(there.search, there.whole) < POLICY.other_way * _unexplained(search, whole, bool(whole.terms))
     return there if less or (not inverse and noise_of_u(there.search, there.whole)) else found
 
 
-def _unexplained(found: Levelled, beside_u: bool = False) -> float:
+def _unexplained(search: Search, whole: Fit, beside_u: bool = False) -> float:
     """Share that is left of u, or of J a; `beside_u`: of both together, for forces of that size move the axis."""
-    errors, solver = found.search.problem.errors, found.search.solver
+    errors, solver = search.problem.errors, search.solver
     moved = errors.moving(solver.inertia) if beside_u else solver.inertia * errors.accelerates
-    return errors.rmse(found.whole) / max(errors.force if solver.inverse else moved, 1e-300)
+    return errors.rmse(whole) / max(errors.force if solver.inverse else moved, 1e-300)
 
 
 def strongest_first(search: Search, whole: Fit) -> tuple[Fit, list[Option]]:

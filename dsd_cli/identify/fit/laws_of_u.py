@@ -1,0 +1,105 @@
+"""Friction that grows with the load, where u by the motion is evidence: no law of u gains by what it takes of u itself.
+
+    r = u - c x(u) - J a - ...        dr/du = 1 - c dx/du
+
+r is dr/du times as large as the error of the u that solves the balance. With x = |u| sgn v that leaves (1 - c) of u,
+and of its error, where the axis is driven: least squares of r go to c = 1, where nothing is left of u. So c is where
+the error of u is least, with the others by least squares of r, and that error is what is judged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from dsd_cli.effects import Role
+from dsd_cli.identify.fit.bank import FIXED, Bank, Design, Term, Terms, drive
+from dsd_cli.identify.fit.blocks import solve
+from dsd_cli.identify.fit.priors import PriorKnowledge
+from dsd_cli.identify.fit.stretches import finite
+from dsd_cli.signals.log import Array
+from dsd_cli.signals.passes import Starts, mixed
+
+#: Share of its largest by which u is changed, away from 0, to see what a law of u does.
+_STEP = 1e-6
+#: Friction by the load of gears and screws: standard deviation, and the most, with which a tenth of u gets through.
+_USUAL, _MOST = 0.3, 0.9
+#: Values that are tried at once, and rounds about the best of them. Share of u that counts as nothing.
+_TRIED, _ROUNDS, _NOTHING = 16, 4, 1e-6
+
+
+def law_of_u(terms: Terms) -> Term | None:
+    """The friction of a set that is a law of u."""
+    return next((t for t in terms if "u" in t.effect.needs and t.effect.role is Role.FRICTION), None)
+
+
+def at_law(
+    bank: Bank, design: Design, terms: Terms, tap: int, total: Array, known: PriorKnowledge, variance: float
+) -> PriorKnowledge:
+    """With the coefficient of a law of u, if nothing is known of it, held where the error of u is least; where all are
+    alike, as of an axis that u drives all the time, at none.
+
+    total : inner products of the rows, shape (p+1, p+1). variance : of squares, per nat.
+    """
+    if law_of_u(terms) is None:
+        return known
+    law, at = _law_at(terms, design)
+    name = f"{law.id}.{next(p.name for p in law.effect.parameters if p.linear)}"
+    if name in known.names:
+        return known
+    others = [i for i in range(1, len(total)) if i != at]
+    beside = solve(np.stack([total[np.ix_(every, every)] for every in ([0, *others], [at, *others])]))
+    rows, slope = [design.rows[i] for i in others], _slope(bank, law, tap)
+    own, taken = (design.rows[i] - mixed(rows, theta) for i, theta in zip((0, at), beside, strict=True))
+
+    def judged(c: Array) -> Array:
+        errors = (own - c[:, None] * taken) / np.maximum(np.abs(1.0 - c[:, None] * slope), _NOTHING)
+        return np.asarray(np.sum(errors**2, axis=1) + variance * (c / _USUAL) ** 2)
+
+    tried, best = np.linspace(0.0, _MOST, _TRIED), 0.0
+    for _ in range(_ROUNDS):
+        best, step = float(tried[judged(tried).argmin()]), float(tried[1] - tried[0])
+        tried = np.linspace(max(best - step, 0.0), min(best + step, _MOST), _TRIED)
+    return replace(known, fixed={**known.fixed, name: best})
+
+
+def grown(bank: Bank, design: Design, terms: Terms, tap: int, weights: Array, starts: Starts = (0,)) -> Array:
+    """By how much squares of r grow where they are those of the error of u, shape (segments,); see `shrinks`."""
+    if law_of_u(terms) is None:
+        return np.ones(len(weights))
+    left = mixed(design.rows, weights, starts)
+    errors = left / shrinks(bank, design, terms, tap, weights, starts)
+    return np.add.reduceat(errors**2, starts) / np.maximum(np.add.reduceat(left**2, starts), 1e-300)
+
+
+def shrinks(bank: Bank, design: Design, terms: Terms, tap: int, weights: Array, starts: Starts = (0,)) -> Array:
+    """|dr/du| of each row, shape (N,); 1 without a law of u.
+
+    weights : of the rows of the design, of each segment that begins at `starts`, shape (segments, p+1).
+    """
+    if law_of_u(terms) is None:
+        return np.ones(1)
+    law, at = _law_at(terms, design)
+    taken = mixed([_slope(bank, law, tap)], weights[:, at : at + 1] / weights[:, :1], starts)
+    return np.maximum(np.abs(1.0 + taken), _NOTHING)
+
+
+def _law_at(terms: Terms, design: Design) -> tuple[Term, int]:
+    """(law of u, its row of the design)."""
+    place = next(i for i, t in enumerate(terms) if law_of_u((t,)))
+    return terms[place], 1 + FIXED + sum(design.widths[:place])
+
+
+def _slope(bank: Bank, law: Term, tap: int) -> Array:
+    """dx/du in each row, shape (N,): mean over the samples of it that count."""
+    if (law, tap) not in bank.slopes:
+        made, equations = [], bank.equations
+        for s, u in zip(equations.stretches, drive(equations, (), tap * bank.tap_time), strict=True):
+            more = u + _STEP * np.where(u < 0.0, -1.0, 1.0) * max(float(np.abs(u).max()), 1e-300)
+            (after,), (before,) = (s.columns(law.effect, law.shape, x) for x in (more, u))
+            made.append(finite((after - before) / (more - u)))
+        sums, count = (equations.acting(x, False, True) for x in (made, [np.ones_like(x) for x in made]))
+        mean = np.where(count > _NOTHING, sums / np.maximum(count, _NOTHING), 0.0)
+        bank.slopes[law, tap] = np.clip(mean, min(map(np.min, made)), max(map(np.max, made)))  # a low-pass overshoots
+    return bank.slopes[law, tap]

@@ -1,0 +1,80 @@
+"""Friction by the load of joints of which friction and weight are nearly all of u: found, not by taking u away."""
+
+import numpy as np
+import pytest
+
+from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.laws_of_u import shrinks
+from dsd_cli.identify.fit.problem import pose
+from dsd_cli.identify.fit.testability import Settings
+from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.verdict.diagnose import diagnose
+from dsd_cli.plant.model import ObserverSettings, PlantModel
+from dsd_cli.signals.log import Log
+
+T, J, LEVEL, DAMPING = 0.002, 0.15, 4.0, 2.0
+OBSERVER = ObserverSettings(J, 0.01)
+LAWS = ("load_friction", "coulomb_friction", "stribeck_friction", "viscous_asymmetry", "stiffness", "constant_load")
+
+
+def joint(seed: int, share: float, weight: float, more: float = 0.0, pace: float = 1.0):
+    """A geared joint whose u is what its motion needs, 12 s: u (1 - mu sgn(u v)) = J a + d v + c sgn v + G sin q.
+
+    more : dry friction beside c, unit of u. pace : of its motion. A ripple of the gear and noise are 1 % of u.
+    """
+    random, t = np.random.default_rng(seed), T * np.arange(6000)
+    w = 2.0 * np.pi * pace * np.array([0.2, 0.5, 0.9, 1.6])
+    size, turn = random.uniform(0.3, 0.5, 4) / np.array([0.7, 1.2, 2.0, 4.0]), random.uniform(0.0, 6.0, 4)
+    angle = np.outer(t, w) + turn
+    q, v, a = np.sin(angle) @ size, np.cos(angle) @ (size * w), -np.sin(angle) @ (size * w**2)
+    needed = J * a + DAMPING * v + (LEVEL + more) * np.sign(v) + weight * np.sin(q)
+    u = needed / (1.0 - share * np.sign(needed * v))
+    u += 0.01 * u.std() * (np.sin(100.0 * q) + random.normal(size=t.size))
+    return prepare(Log({"u": u, "position": np.round(q / 1e-5) * 1e-5}, T, "log.csv"), OBSERVER)
+
+
+def model(weight: float) -> PlantModel:
+    own = {"coulomb_friction": {"level": LEVEL}, "viscous_friction": {"coefficient": DAMPING}}
+    return PlantModel(J, 0.0, own | ({"gravity": {"amplitude": weight, "phase": 0.0}} if weight else {}))
+
+
+@pytest.mark.parametrize(("seed", "share"), [(839001, 0.08), (839002, 0.15), (839003, 0.25)])
+def test_friction_by_the_load_of_a_joint_is_named(seed, share):
+    """It was not testable there, and the weight of the model was "wrong", 94 %."""
+    found = diagnose([joint(seed, share, 20.0)], model(20.0), OBSERVER, Settings(effects=LAWS))
+    assert found.inverse
+    assert found.verdict == "load_friction"
+    assert found.probability > 0.9
+    value = found.estimates["load_friction.coefficient"]
+    assert abs(value.value - share) < 2.0 * value.std_error < 0.04
+    assert found.estimates["gravity.amplitude"].value == pytest.approx(20.0, rel=0.02)
+
+
+@pytest.mark.parametrize("weight", [0.0, 20.0])
+@pytest.mark.parametrize(("more", "verdict"), [(0.0, "none"), (1.0, "coulomb_friction")])
+def test_it_takes_the_place_of_nothing(weight, more, verdict):
+    """u - |u| sgn v is 0 where u drives all the time: least squares of what is left go to a coefficient of 1."""
+    found = diagnose([joint(839004, 0.0, weight, more)], model(weight), OBSERVER, Settings(effects=LAWS))
+    assert found.verdict == verdict
+    assert [one.effect for one in found.missing] == [verdict][verdict == "none" :]
+    left = {one.effect: one.heldout_rmse_after for one in found.ranking}
+    assert left["load_friction"] > 0.9 * found.refitted.heldout_rmse
+
+
+def test_the_slope_of_what_is_left_is_that_of_the_law():
+    """d(u - c |u| sgn v)/du = 1 - c sgn(u v), by the signs of the log itself."""
+    problem = pose([joint(839005, 0.2, 20.0, pace=0.4)], model(20.0), Settings(effects=LAWS))
+    search = Search(problem)
+    terms = (*search.base, Term("load_friction"))
+    design = search.solver.bank.design(terms, 0)
+    weights = np.zeros((1, len(design.rows)))
+    weights[0, 0], weights[0, -1] = 1.0, -0.25  # the law comes last
+    found = shrinks(search.solver.bank, design, terms, 0, weights)
+    equations, (log,) = search.equations, [s.log for s in search.equations.stretches]
+    driven, around = np.sign(log["u"] * log["velocity"]), 150  # samples: a row averages over some of its neighbours
+    mean = np.convolve(driven, np.ones(2 * around + 1) / (2 * around + 1), mode="same")
+    steady = equations.of_rows([np.abs(mean) > 1.0 - 1e-9])
+    assert np.count_nonzero(steady) > 10
+    assert {*equations.of_rows([driven])[steady]} == {-1.0, 1.0}
+    assert found[steady] == pytest.approx(1.0 - 0.25 * equations.of_rows([driven])[steady], abs=0.01)
