@@ -24,26 +24,9 @@ package to make a log. "Right" is what the maker of the log knows: the verdict o
 more, no tie stated that has the truth.
 """
 
-TAIL = """Bars are 95 % intervals. These tables are of the rules of those versions: "nothing is missing" of a log that
-cannot test every effect was held at 80 %, a name beside a motion that was put together from u and d_hat at 85 %,
-"unknown" was 90 % whatever was left, and a d_hat was read as made by `dsd`, whoever made it. At 90 % "unknown" held in
-half: most others are one axis whose delay is wrong, behind d_hat of six makers, with 0.3 to 0.9 % of u left.
-
-**Since then** "unknown" and "nothing is missing" follow from what is left of u, those bounds are gone, and who made
-d_hat is part of the diagnosis where `[observer]` does not say it ([how](../how/identify.md)). Fresh logs, seeds 107000
-and 107001, right and sure as above; "before" has the same searches judged by the former rules, without the tiers of
-d_hat, whose searches are others:
-
-| | logs | right | sure and wrong | Brier score | 0-0.5 | 0.5-0.7 | 0.7-0.8 | 0.8-0.9 | 0.9-0.95 | 0.95-0.99 | 0.99 |
-|---|---|---|---|---|---|---|---|---|---|---|---|
-| before | 44 | 43 | 0 | 0.042 | 2 of 2 | 1 of 1 | | 7 of 8 | 5 of 5 | 6 of 6 | 22 of 22 |
-| now | 44 | 43 | 0 | 0.016 | 0 of 1 | 1 of 1 | 3 of 3 | 2 of 2 | 5 of 5 | 7 of 7 | 25 of 25 |
-| now, with d_hat | 58 | 57 | 0 | 0.012 | 0 of 1 | 1 of 1 | 3 of 3 | 2 of 2 | 5 of 5 | 15 of 15 | 31 of 31 |
-
-The two laws of no catalogue were "unknown" at 42 and 46 % and are at 88 and 89 %; the one wrong "none" was at 80 %
-and is at 39 %. One bin alone has 30 verdicts: what is stated below 95 % is shown by too few. Of d_hat whose maker is
-not given (nine makers, the axis of seed 107000, a wrong delay) all nine are named, at 99 %, and their +- hold inertia
-and delay.
+TAIL = """Bars are 95 % intervals. The verdict is the effect that is worth most: where it is rather doubtful it is there
+more often than it says, for the commoner of two that tie is named; of *every effect listed* each bin with 30 answers
+says what comes true. Rows of d_hat are one axis behind nine makers, so that one hard axis counts there nine times.
 """
 
 
