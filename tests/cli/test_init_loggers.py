@@ -165,6 +165,22 @@ def test_a_database_is_a_log(words: bool, tmp_path: Path) -> None:
     assert (found["u"], found["position"], found["time"]) == ("run 1/force_N", "run 1/pos_mm", "run 1/at")
 
 
+def test_rows_that_a_logger_has_only_in_its_write_ahead_log_are_read(tmp_path: Path) -> None:
+    """Of one that still ran 4,000 of 16,000 were; numbers in columns of TEXT were no channel, a bad note an error."""
+    path = tmp_path / "run.sqlite"
+    with closing(sqlite3.connect(path)) as base:
+        base.execute("PRAGMA journal_mode=wal")
+        base.execute("CREATE TABLE log (t REAL, u TEXT, position REAL, note TEXT)")
+        base.execute("PRAGMA wal_checkpoint(truncate)")
+        rows = zip(AXIS["t"], map(repr, AXIS["u"].tolist()), AXIS["q"], strict=True)
+        base.executemany("INSERT INTO log VALUES (?, ?, ?, CAST(x'ff41' AS TEXT))", rows)
+        base.commit()
+        (table,) = sample(str(path)).tables
+    values = {one.name: one.values for one in table.channels}
+    assert values.keys() == {"log/t", "log/u", "log/position"}
+    assert values["log/u"] == pytest.approx(AXIS["u"])
+
+
 @pytest.mark.parametrize("told", ["", "data/demo_2/cmd_torque/3"])
 def test_of_several_trials_with_several_joints_the_joint_is_none_of_the_trial(
     told: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

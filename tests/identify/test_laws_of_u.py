@@ -1,10 +1,14 @@
 """Friction by the load of joints of which friction and weight are nearly all of u: found, not by taking u away."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from dsd_cli.effects import get_effect
 from dsd_cli.identify.fit.bank import Term
-from dsd_cli.identify.fit.laws_of_u import shrinks
+from dsd_cli.identify.fit.laws_of_u import grows_with_u, shrinks
+from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.recordings.recording import prepare
@@ -18,10 +22,11 @@ OBSERVER = ObserverSettings(J, 0.01)
 LAWS = ("load_friction", "coulomb_friction", "stribeck_friction", "viscous_asymmetry", "stiffness", "constant_load")
 
 
-def joint(seed: int, share: float, weight: float, more: float = 0.0, pace: float = 1.0):
+def joint(seed: int, share: float, weight: float, more: float = 0.0, pace: float = 1.0, droop: float = 0.0):
     """A geared joint whose u is what its motion needs, 12 s: u (1 - mu sgn(u v)) = J a + d v + c sgn v + G sin q.
 
-    more : dry friction beside c, unit of u. pace : of its motion. A ripple of the gear and noise are 1 % of u.
+    more : dry friction beside c, unit of u. pace : of its motion. droop : of the drive's gain at its largest u. A
+    ripple of the gear and noise are 1 % of u.
     """
     random, t = np.random.default_rng(seed), T * np.arange(6000)
     w = 2.0 * np.pi * pace * np.array([0.2, 0.5, 0.9, 1.6])
@@ -30,6 +35,7 @@ def joint(seed: int, share: float, weight: float, more: float = 0.0, pace: float
     q, v, a = np.sin(angle) @ size, np.cos(angle) @ (size * w), -np.sin(angle) @ (size * w**2)
     needed = J * a + DAMPING * v + (LEVEL + more) * np.sign(v) + weight * np.sin(q)
     u = needed / (1.0 - share * np.sign(needed * v))
+    u *= 1.0 + droop * np.abs(u) / np.abs(u).max()
     u += 0.01 * u.std() * (np.sin(100.0 * q) + random.normal(size=t.size))
     return prepare(Log({"u": u, "position": np.round(q / 1e-5) * 1e-5}, T, "log.csv"), OBSERVER)
 
@@ -60,6 +66,40 @@ def test_it_takes_the_place_of_nothing(weight, more, verdict):
     assert [one.effect for one in found.missing] == [verdict][verdict == "none" :]
     left = {one.effect: one.heldout_rmse_after for one in found.ranking}
     assert left["load_friction"] > 0.9 * found.refitted.heldout_rmse
+
+
+@pytest.mark.parametrize("droop", [0.25, 0.4])
+def test_it_is_not_sure_where_a_drive_droops(droop):
+    """A gain that falls with u makes friction beside a weight grow with the load, and the weight no sine: 93 %."""
+    found = diagnose([joint(839007, 0.0, 20.0, droop=droop)], model(20.0), OBSERVER, Settings(effects=LAWS))
+    assert all(one.probability < 0.8 for one in found.missing if one.effect == "load_friction")
+
+
+def test_what_is_known_of_it_holds():
+    known = PriorKnowledge(bounds={"load_friction.coefficient": (0.0, 0.1)})
+    settings = Settings(effects=("load_friction",), known=known)
+    found = diagnose([joint(839002, 0.15, 20.0)], model(20.0), OBSERVER, settings)
+    assert found.estimates["load_friction.coefficient"].value == pytest.approx(0.1)
+
+
+def test_a_table_over_the_speed_is_no_law_of_u():
+    """Its scale was held below 0.9, at 0, and Coulomb friction took its place, 99 %."""
+    table = {"channels": ["speed"], "knots": [[0.0, 1.0, 20.0]], "values": 3 * [LEVEL], "factor": "one", "scale": 1.0}
+    own = {"friction_curve": table, "viscous_friction": {"coefficient": DAMPING}}
+    own["gravity"] = {"amplitude": 20.0, "phase": 0.0}
+    found = diagnose([joint(839008, 0.0, 20.0)], PlantModel(J, 0.0, own), OBSERVER, Settings(effects=LAWS))
+    assert found.verdict == "none"
+    assert found.estimates["friction_curve.scale"].value == pytest.approx(1.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("shares", "unit", "grows"), [(1, "1", True), (2, "1", False), (0, "1", False), (1, "u", False)]
+)
+def test_of_one_share_alone_it_is_known_how_to_take_it_off(shares, unit, grows):
+    """Effects of one's own: with a share for each way, or a square of u, they ended in an exception."""
+    own = get_effect("load_friction")
+    made = tuple(replace(own.parameters[0], name=f"share_{i}", unit=unit) for i in range(shares))
+    assert grows_with_u(replace(own, parameters=made)) == grows
 
 
 def test_the_slope_of_what_is_left_is_that_of_the_law():

@@ -19,18 +19,20 @@ _PER_BYTE = 8.0
 
 
 class SqliteFile(InMemory):
-    """Columns of numbers, or of stamps in words, as `table/column`, in the order in which rows were put in.
+    """Columns of numbers, or of stamps in words, as `table/column`, in the order in which the database has its rows.
 
-    It is opened for reading alone. Tables of other modules are not asked: they would run these. A table of fewer rows
-    than make a channel says what the rig was.
+    It is opened for reading alone, with what a logger that still runs, or was killed, has only in its write-ahead log.
+    Tables of other modules are not asked: they would run these. A table of fewer rows than make a channel says what
+    the rig was.
     """
 
     def __init__(self, path: str) -> None:
         check_size(path, _PER_BYTE * Path(path).stat().st_size)
         channels: dict[str, Array] = {}
-        with closing(
-            sqlite3.connect(f"file:{quote(str(Path(path).absolute()))}?mode=ro&immutable=1", uri=True)
-        ) as base:
+        ahead = Path(f"{path}-wal")
+        as_it_is = "" if ahead.is_file() and ahead.stat().st_size else "&immutable=1"  # leaves no file beside it
+        with closing(sqlite3.connect(f"file:{quote(str(Path(path).absolute()))}?mode=ro{as_it_is}", uri=True)) as base:
+            base.text_factory = lambda words: words.decode("utf-8", "replace")
             tables = base.execute(
                 "SELECT name, sql FROM sqlite_master WHERE type = 'table' AND name NOT LIKE 'sqlite_%'"
             )
@@ -51,6 +53,7 @@ def _numbers(cells: tuple[Any, ...]) -> Array | None:
     there = [cell for cell in cells if cell is not None]
     if there and all(isinstance(cell, str) and ISO_TIME.match(cell) for cell in there):
         return np.array([np.nan if cell is None else seconds(cell) for cell in cells])
-    if not there or not all(isinstance(cell, int | float) for cell in there):
+    try:  # of a column of TEXT that has numbers in it, too
+        return np.array([np.nan if cell is None else float(cell) for cell in cells]) if there else None
+    except (TypeError, ValueError):
         return None
-    return np.array([np.nan if cell is None else cell for cell in cells], dtype=np.float64)

@@ -211,6 +211,7 @@ def to_mend_first(result: CheckResult) -> tuple[Finding, ...]:
     return result.errors[:1] or tuple(one for one in result.findings if one.first)
 
 
+@np.errstate(over="ignore", invalid="ignore")
 def biased_by_noise(recording: Recording, model: PlantModel, known: Collection[str] = ()) -> list[Finding]:
     """Values of the model that noise in the loop biases in any fit, but for those that are `known` from elsewhere."""
     sides = sides_in(recording, model)

@@ -20,6 +20,7 @@ from dsd_cli.effects import Role, catalogue, get_effect
 from dsd_cli.identify.fit.bank import INERTIA, Bank, Terms, inputs_of
 from dsd_cli.identify.fit.blocks import total_gram, without_noise
 from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.laws_of_u import grows_with_u
 from dsd_cli.identify.fit.priors import known_to
 from dsd_cli.identify.fit.row_weights import shared_inflation, still_rows
 from dsd_cli.identify.fit.solve import Fit, Solver
@@ -90,7 +91,7 @@ def needs_acceleration(effect_id: str) -> bool:
     """Whether an effect can be identified by the forward form alone: one on u, of time, a mass, or of u
     but friction."""
     effect = get_effect(effect_id)
-    of_u = "u" in effect.needs and effect.role is not Role.FRICTION  # see `laws_of_u`
+    of_u = "u" in effect.needs and not grows_with_u(effect)
     return effect.role in (Role.INPUT, Role.STRUCTURE) or of_u or effect.of_time
 
 

@@ -13,7 +13,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsd_cli.effects import Role
+from dsd_cli.effects import Effect, Role
 from dsd_cli.identify.fit.bank import FIXED, Bank, Design, Term, Terms, drive
 from dsd_cli.identify.fit.blocks import solve
 from dsd_cli.identify.fit.priors import PriorKnowledge
@@ -29,25 +29,33 @@ _USUAL, _MOST = 0.3, 0.9
 _TRIED, _ROUNDS, _NOTHING = 16, 4, 1e-6
 
 
+def grows_with_u(effect: Effect) -> bool:
+    """Whether it is friction with one coefficient, a share of u: a table over channels may have no u in it."""
+    shares = [p.linear and p.unit == "1" for p in effect.parameters]
+    return effect.role is Role.FRICTION and "u" in effect.needs and shares == [True]
+
+
 def law_of_u(terms: Terms) -> Term | None:
-    """The friction of a set that is a law of u."""
-    return next((t for t in terms if "u" in t.effect.needs and t.effect.role is Role.FRICTION), None)
+    """The friction of a set that grows with u."""
+    return next((t for t in terms if grows_with_u(t.effect)), None)
 
 
 def at_law(
     bank: Bank, design: Design, terms: Terms, tap: int, total: Array, known: PriorKnowledge, variance: float
 ) -> PriorKnowledge:
-    """With the coefficient of a law of u, if nothing is known of it, held where the error of u is least; where all are
-    alike, as of an axis that u drives all the time, at none.
+    """With the coefficient of a law of u held where the error of u is least; where all are alike, as of an axis that u
+    drives all the time, at none, or what is known of it.
 
     total : inner products of the rows, shape (p+1, p+1). variance : of squares, per nat.
     """
     if law_of_u(terms) is None:
         return known
     law, at = _law_at(terms, design)
-    name = f"{law.id}.{next(p.name for p in law.effect.parameters if p.linear)}"
-    if name in known.names:
+    name = f"{law.id}.{law.effect.parameters[0].name}"
+    if name in known.fixed:
         return known
+    low, high = np.clip(known.limits(name), 0.0, _MOST)
+    usual, spread = known.priors.get(name, (0.0, _USUAL))
     others = [i for i in range(1, len(total)) if i != at]
     beside = solve(np.stack([total[np.ix_(every, every)] for every in ([0, *others], [at, *others])]))
     rows, slope = [design.rows[i] for i in others], _slope(bank, law, tap)
@@ -55,12 +63,12 @@ def at_law(
 
     def judged(c: Array) -> Array:
         errors = (own - c[:, None] * taken) / np.maximum(np.abs(1.0 - c[:, None] * slope), _NOTHING)
-        return np.asarray(np.sum(errors**2, axis=1) + variance * (c / _USUAL) ** 2)
+        return np.asarray(np.sum(errors**2, axis=1) + variance * ((c - usual) / spread) ** 2)
 
-    tried, best = np.linspace(0.0, _MOST, _TRIED), 0.0
+    tried, best = np.linspace(low, high, _TRIED), float(low)
     for _ in range(_ROUNDS):
         best, step = float(tried[judged(tried).argmin()]), float(tried[1] - tried[0])
-        tried = np.linspace(max(best - step, 0.0), min(best + step, _MOST), _TRIED)
+        tried = np.linspace(max(best - step, low), min(best + step, high), _TRIED)
     return replace(known, fixed={**known.fixed, name: best})
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import Term, Terms, has_friction
 from dsd_cli.identify.fit.direction import LOAD, OneWay, best_delay, one_way
+from dsd_cli.identify.fit.laws_of_u import grows_with_u
 from dsd_cli.identify.fit.priors import averaged
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import Fitted, flat
@@ -149,15 +150,17 @@ class Search(Evidence):
         return preferred(self, [Option(fit.terms[-1].id, fit, self.evidence(fit)) for fit in fits])
 
     def run(self, start: Fit, report: Callable[[float], None] = lambda _: None, *, to_friction: bool = False) -> Fit:
-        """The set of effects that nothing betters any more, or the first that has friction.
+        """The set of effects that nothing betters any more; `to_friction`: or the first step's that has friction.
 
-        Of a motion that is a few sines any law of it is lines in time: those are asked of what the laws leave.
+        Of a motion that is a few sines any law of it is lines in time, and a share of u is one of any law that is not
+        found yet: those are asked of what the laws leave.
         """
         current = start
         while (there := len(self.added(current.terms))) < POLICY.most_effects:
             report(there / POLICY.most_effects)
             options = self.options(current)
-            laws = [o for o in options if not get_effect(o.effect).of_time]
+            every = [(o, get_effect(o.effect)) for o in options]
+            laws = [o for o, e in every if not (e.of_time or (self.solver.inverse and grows_with_u(e)))]
             reached = self._forward(current, laws) or self._forward(current, options)
             if not reached:
                 break

@@ -16,13 +16,14 @@ import numpy as np
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import has_friction
 from dsd_cli.identify.fit.direction import DRY
+from dsd_cli.identify.fit.laws_of_u import law_of_u
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import Estimates, Missing, Unexplained
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.search.evidence import in_plain_laws
 from dsd_cli.identify.search.sets import Option, Search
-from dsd_cli.identify.verdict.belief import UnnamedLaws, shared_belief
+from dsd_cli.identify.verdict.belief import UnnamedLaws, shared_belief, without_imitating
 from dsd_cli.identify.verdict.discrepancy import (
     Discrepancy,
     above_floor,
@@ -81,10 +82,16 @@ def memberships(search: Search, whole: Fit, beyond: Discrepancy) -> dict[str, Me
     proven = search.proven(whole)  # rows show the sum of both, as one of them would
     added = search.added(whole.terms)
     there = {t: 1.0 if t.id in proven else laws.belief(t, search.without(whole, t)) for t in added}
-    return {
+    found = {
         t.id: replace(membership(search, whole, t.id, misfit), there=likely, imitates=laws.imitates(t, likely))
         for t, likely in there.items()
     }
+    if not (search.solver.inverse and (of_u := law_of_u(added))):
+        return found
+    # a share of u is a share of what nobody knows, too: a drive whose gain falls with u makes friction grow with a load
+    part, left = without_imitating(search, whole, {name for name, m in found.items() if m.imitates}, beyond)
+    surest = 1.0 - POLICY.even * unexplained_of(search, part, left).probability
+    return found | {of_u.id: replace(found[of_u.id], surest=min(found[of_u.id].surest, surest))}
 
 
 def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Membership:
