@@ -76,6 +76,15 @@ def test_a_computed_d_hat_takes_the_new_inertia_for_jn(rig: Path) -> None:
     assert written["observer"]["nominal_inertia"] == pytest.approx(written["model"]["inertia"], rel=1e-3)
 
 
+def test_jn_stays_that_of_the_observer_whose_d_hat_is_in_the_log_beside_a_position(rig: Path) -> None:
+    """J 0.013, d_hat made with Jn 0.01: 0.013 was written for Jn, and no label was confident any more."""
+    done("simulate", "--set", "model.inertia=0.013", "-o", "log.csv", cwd=rig)
+    done("improve", "log.csv", "--auto", "--states", "-o", "new.toml", cwd=rig, effects=FEW)
+    new = tomllib.loads((rig / "new.toml").read_text())
+    assert new["model"]["inertia"] == pytest.approx(0.013, rel=0.01)
+    assert new["observer"]["nominal_inertia"] == 0.01
+
+
 def test_a_report_detects_with_the_model_at_the_end(rig: Path) -> None:
     done("report", LOG, "-o", "r.html", "-q", cwd=rig, effects=FEW)
     page = (rig / "r.html").read_text(encoding="utf-8")

@@ -165,3 +165,9 @@ def test_a_law_is_no_delay_below_0_and_such_a_delay_no_law(of_law, monkeypatch):
     fits = FreeformFits(rows, lay_blocks([2000], 5, "log"), None, base, owners, [])
     left = fits.left_of(float(np.std(plain)), on)
     assert left == pytest.approx(0.05 if of_law else np.std(plain), rel=0.05)
+
+
+def test_of_a_log_without_noise_nothing_is_left():
+    """A sum of squares out of inner products was -2.6e-17 by rounding, and its root an exception."""
+    made = SimpleNamespace(without=lambda *_, **__: np.array([-2.6e-17]), equations=SimpleNamespace(kept=np.ones(9)))
+    assert FreeformFits.left_of(made, 0.0, ("velocity",)) == 0.0

@@ -117,7 +117,7 @@ class FreeformFits:
         alone = DELAY if self.without(DELAY, on).sum() < self.without("").sum() else ""
         squares = (self.without(alone, whitened=False), self.without("", on, whitened=False))
         before, left = (float(x.sum()) / max(int(self.equations.kept.sum()), 1) for x in squares)
-        return math.sqrt(max(rmse**2 - before + left, left))
+        return math.sqrt(max(rmse**2 - before + left, left, 0.0))  # of no noise a sum of squares is below 0 by rounding
 
     def without(self, effect_id: str, on: tuple[str, ...] = (), whitened: bool = True) -> Array:
         """Held-out squares per block, shape (B,), with a function of these channels (none: without any) in the place of

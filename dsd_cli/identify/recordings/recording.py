@@ -109,7 +109,7 @@ def prepare(log: Log, observer: ObserverSettings, restarts: Sequence[int] = (), 
     pieces = [regularised(part) for part in parts]
     provenance = {"u": "logged"}
     if "d_hat" in log:
-        provenance["d_hat"] = "logged" if log.d_hat_source == "logged" else f"computed from {log.d_hat_source}"
+        provenance["d_hat"] = "logged" if log.d_hat_source == "logged" else f"logged, made of {log.d_hat_source}"
         if D_HAT_MAKER in log.metadata:
             provenance["d_hat"] = f"logged, made with {log.metadata[D_HAT_MAKER]}"
         if observer.sign < 0:
