@@ -82,8 +82,30 @@ def propose_numbers(
     units = signals_of(out).units
     unit = f"in {units.words('{u}/({v}/s)')}" if units.u and units.position else "per unit of u"
     out.put("observer", "nominal_inertia", inertia, f"{why}, {unit}")
+    observer = _of_d_hat(log, PlantModel(inertia, at), ObserverSettings(inertia, 5 * step), loaded.restarts, out)
     put_delays(at, step, alone, out, only_channel(log))
-    put_rho(loaded, PlantModel(inertia, at if alone else 0.0), ObserverSettings(inertia, 5 * step, 1), window, out)
+    put_rho(loaded, PlantModel(inertia, at if alone else 0.0), observer, window, out)
+
+
+def _of_d_hat(
+    log: Log, model: PlantModel, observer: ObserverSettings, restarts: tuple[int, ...], out: Proposal
+) -> ObserverSettings:
+    """The observer that made a logged d_hat, as far as that shows it; as given where the log has none."""
+    if "d_hat" not in log:
+        return observer
+    for one in check_log(log, model, observer, restarts, with_values=False).findings:
+        key, _, value = one.remedy.partition(" = ")
+        if key == "observer.sign":
+            observer = replace(observer, sign=int(value))
+        elif key == "observer.nominal_inertia":
+            observer = replace(observer, nominal_inertia=float(value))
+        elif key == "observer.time_constant":
+            observer = replace(observer, time_constant=float(value))
+        else:
+            continue
+        name = key.removeprefix("observer.")
+        out.put("observer", name, getattr(observer, name), "of the d_hat in the log")
+    return observer
 
 
 def _keys(out: Proposal) -> KeysOf:

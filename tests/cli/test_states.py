@@ -83,6 +83,10 @@ def test_jn_stays_that_of_the_observer_whose_d_hat_is_in_the_log_beside_a_positi
     new = tomllib.loads((rig / "new.toml").read_text())
     assert new["model"]["inertia"] == pytest.approx(0.013, rel=0.01)
     assert new["observer"]["nominal_inertia"] == 0.01
+    done("init", "log.csv", "-o", "first.toml", cwd=rig)  # whose config dsd check then called wrong
+    first = tomllib.loads((rig / "first.toml").read_text())
+    assert first["observer"]["nominal_inertia"] == pytest.approx(0.01, rel=0.05)  # d_hat has noise of its own
+    assert "can answer" in done("check", "log.csv", "-c", "first.toml", cwd=rig).stdout
 
 
 def test_a_report_detects_with_the_model_at_the_end(rig: Path) -> None:
