@@ -62,8 +62,7 @@ def evidence(name: str, seed: int = 1) -> tuple[Evidence, Log]:
     session = Gatherer(plan, Cleaner(None))
     for _ in itertools.chain(session.feed(log["t"], log.channels), session.finish()):
         pass
-    assert session.engine is not None
-    return Evidence(session.longest(), session.engine), log
+    return session.evidence(), log
 
 
 def correct(evidence: Evidence, settings: DetectorSettings, log: Log) -> float:

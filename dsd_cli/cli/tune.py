@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -75,7 +77,7 @@ def tune(
     if output is not None:
         check_config_output(output, (log, *settings.files, *(effects_from or ())))
     check_plot(plot, [str(config), log, *settings.files, *(effects_from or ()), *([output] if output else [])])
-    with Progress(not quiet) as progress, widening(settings.signals):
+    with Progress(not quiet) as progress, widening(settings.signals), _named(source_name(log)):
         evidence, warnings = _evidence(log, settings, progress)
         tuning = choose(evidence, progress)
     report = TuningReport(tuning, source_name(log), output)
@@ -97,11 +99,24 @@ def tune(
         put_picture(plot, lambda: draw(report, settings.signals.units), quiet)
 
 
+@contextmanager
+def _named(log: str) -> Iterator[None]:
+    """What is wrong with the data is said with the name of the log, once."""
+    from dsd_cli.errors import DataError
+
+    try:
+        yield
+    except DataError as error:
+        if log not in error.message:
+            error.message = f"{log}: {error.message}"
+        raise
+
+
 def _evidence(log: str, config: Config, progress: Progress) -> tuple[Evidence, tuple[str, ...]]:
-    """The longest recording of the log as the engine of the config takes it, and warnings."""
+    """The part of the log that identifies most, as the engine of the config takes it, and warnings."""
     from dsd_cli.cli.labelling import cleaner_for, open_log, run_log
     from dsd_cli.cli.plan import as_logged
-    from dsd_cli.detect.tune.evidence import Evidence, Gatherer, refuse
+    from dsd_cli.detect.tune.evidence import Gatherer, refuse
 
     config = as_logged(config, log)
     table, plan = open_log(log, config)
@@ -110,8 +125,7 @@ def _evidence(log: str, config: Config, progress: Progress) -> tuple[Evidence, t
     warnings = run_log(table, session, progress.watch, "reading").warnings
     if session.repeats.what(session.cleaner.sample_time) and log != "-":  # stdin is read once
         session, warnings = _of_new_rows(log, config)
-    assert session.engine is not None, "run_log refuses a log without samples"
-    return Evidence(session.longest(), session.engine), warnings
+    return session.evidence(), warnings
 
 
 def _of_new_rows(log: str, config: Config) -> tuple[Gatherer, tuple[str, ...]]:

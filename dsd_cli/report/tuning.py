@@ -27,6 +27,7 @@ def to_json(report: TuningReport) -> dict[str, Any]:
     return {
         **head("tune", [report.log]),
         "samples": tuning.samples,
+        "part": tuning.evidence.part or None,
         "noise": tuning.noise,
         "correlation": tuning.correlation,
         "dwell": tuning.dwell,
@@ -53,7 +54,8 @@ def print_lines(report: TuningReport, file: Any) -> None:
     """What was chosen and why, and what to expect."""
     console = terminal.console(file)
     tuning, now, old = report.tuning, report.tuning.after.settings, report.tuning.before.settings
-    console.print(f"[bold]{escaped(report.log)}[/bold]: tuned on {tuning.samples:,} judged samples")
+    part = f" of {tuning.evidence.part}: there u moves the axis most" if tuning.evidence.part else ""
+    console.print(f"[bold]{escaped(report.log)}[/bold]: tuned on {tuning.samples:,} judged samples{part}")
     for line in (
         f"rho         {old.rho:g} -> {now.rho:g}: residual of the right states {tuning.noise:.3g}{_lasting(tuning)}",
         f"window      {old.window} -> {now.window} samples",

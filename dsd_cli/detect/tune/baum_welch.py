@@ -14,10 +14,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dsd_cli.errors import DataError
 from dsd_cli.signals.log import Array
 
 #: Rounds at most, and the relative change of rho and of 1 - p that ends them.
 ROUNDS, CLOSE = 25, 1e-3
+#: Least rho, of the largest error of a state: where one explains a log to the last bit, what is left is rounding.
+ROUNDING = 1e-12
 
 
 class Posterior(NamedTuple):
@@ -62,14 +65,24 @@ def posterior(log_b: Array, stay: float) -> Posterior:
 
 
 def fit(squares: Array) -> Fitted:
-    """rho and stay from the squared errors of every state, shape (n, states)."""
+    """rho and stay from the squared errors of every state, shape (n, states).
+
+    Raises
+    ------
+    DataError : no sample distinguishes the states.
+    """
     n = len(squares)
-    rho = float(np.sqrt(np.median(squares.min(axis=1)) / 0.455)) or 1e-12  # 0.455: median of chi^2 with 1 degree
+    least, most = squares.min(axis=1), squares.max(axis=1)
+    if (least == most).all():
+        raise DataError("the candidates predict the same in every sample", "tune on a log in which u moves the axis")
+    floor = ROUNDING * float(np.sqrt(most.max()))
+    # 0.455: median of chi^2 with 1 degree. Where the axis rests for most of the log, without any noise, the rms begins
+    rho = max(float(np.sqrt(np.median(least) / 0.455) or np.sqrt(least.mean())), floor)
     stay, rounds = 1.0 - 1.0 / max(50.0, 0.05 * n), []  # type: tuple[float, list[float]]
     for _ in range(ROUNDS):
         found = posterior(_log_b(squares, rho), stay)
         rounds.append(found.log_likelihood)
-        new_rho = max(float(np.sqrt((found.gamma * squares).sum() / n)), 1e-12)
+        new_rho = max(float(np.sqrt((found.gamma * squares).sum() / n)), floor)
         new_stay = (found.stays + 1.0) / (n + 1.0)
         done = abs(new_rho - rho) < CLOSE * rho and abs(new_stay - stay) < CLOSE * (1.0 - stay)
         rho, stay = new_rho, new_stay

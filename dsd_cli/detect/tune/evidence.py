@@ -18,11 +18,11 @@ from dsd_cli.detect.session import Session
 from dsd_cli.detect.settings import DetectorSettings
 from dsd_cli.detect.spec import WARMUP
 from dsd_cli.detect.transition import Transition
-from dsd_cli.errors import TooShort, UsageError
+from dsd_cli.errors import DataError, TooShort, UsageError
 from dsd_cli.signals.cleaning import Cleaner
 from dsd_cli.signals.log import Array
 
-#: Samples that are looked at; a longer log is represented by its beginning.
+#: Samples that are looked at; a longer recording is represented by so many of it.
 MOST_SAMPLES = 20_000
 #: Fewer judged samples than this tell nothing about dwell times and noise.
 LEAST_SAMPLES = 200
@@ -43,20 +43,46 @@ class Gatherer(Session):
         self.recordings[-1].append(inputs)
         return super()._run_inputs(inputs)
 
-    def longest(self) -> Inputs:
-        """The inputs of the longest recording, at most MOST_SAMPLES of them."""
-        best = max(self.recordings, key=lambda parts: sum(part.u.size for part in parts))
-        if not best:
+    def evidence(self) -> Evidence:
+        """The part of the log that identifies its states best: of one recording, at most MOST_SAMPLES.
+
+        Raises
+        ------
+        DataError : no sample can be judged, or u moves the axis in no part of the log.
+        """
+        recordings = [joined(parts) for parts in self.recordings if parts]
+        if not recordings or self.engine is None:
             raise TooShort("no sample can be judged", "is the log long enough, and signals.time_unit right?")
-        return first_samples(joined(best), MOST_SAMPLES)
+        found = [
+            Evidence(between(inputs, begin, begin + MOST_SAMPLES), self.engine, _part(recordings, k, begin))
+            for k, inputs in enumerate(recordings)
+            for begin in range(0, inputs.u.size, MOST_SAMPLES)
+        ]
+        (judged, moved), best = max(((one.answer(), one) for one in found), key=lambda pair: pair[0])
+        if judged >= LEAST_SAMPLES and moved == 0.0:
+            raise DataError("nowhere does u move the axis", "tuning needs a recording in which it accelerates")
+        return best
 
 
-def first_samples(inputs: Inputs, n: int) -> Inputs:
-    """The first n of them."""
+def between(inputs: Inputs, begin: int, end: int) -> Inputs:
+    """Samples `begin` to `end` of them."""
     forces = inputs.forces
     if forces is not None:
-        forces = type(forces)(*(column[:n] for column in forces))
-    return Inputs(inputs.u[:n], inputs.d_hat[:n], inputs.t[:n], forces)
+        forces = type(forces)(*(column[begin:end] for column in forces))
+    u, d_hat, t = (column[begin:end] for column in inputs[:3])
+    resting = None if inputs.resting is None else inputs.resting[begin:end]
+    motion = None if inputs.motion is None else inputs.motion[begin:end]
+    return Inputs(u, d_hat, t, forces, resting, motion)
+
+
+def _part(recordings: list[Inputs], k: int, begin: int) -> str:
+    """What messages call MOST_SAMPLES of recording k, from `begin` on; empty where it is all of the log."""
+    t = recordings[k].t
+    if len(recordings) == 1 and t.size <= MOST_SAMPLES:
+        return ""
+    last = t[min(begin + MOST_SAMPLES, t.size) - 1]
+    which = f"recording {k + 1} of {len(recordings)} without a gap, " if len(recordings) > 1 else ""
+    return f"{which}t = {t[begin]:.10g} to {last:.10g} s"
 
 
 @dataclass(frozen=True)
@@ -66,10 +92,29 @@ class Evidence:
     Attributes
     ----------
     engine : its grid, measurement and settings; it is not run.
+    part : which part of the log it is, in words; empty where it is all.
     """
 
     inputs: Inputs
     engine: Engine
+    part: str = ""
+
+    def answer(self) -> tuple[int, float]:
+        """(samples that can be judged, at most LEAST_SAMPLES; what the acceleration owes to the forces, unit of u^2).
+
+        A state predicts Q { Jn a } = (Jn/J) z, with z what acts on the plant. Of the sum of squares of Q { Jn a } the
+        part (sum y z)^2 / sum z^2 goes with z, whatever J is: at rest and where no force acts it is 0, also if u
+        pushes against a friction that the model lacks, or noise shakes the sensor. The delay that has most counts.
+        Samples in which the axis is not faster than `rest_speed` are rest.
+        """
+        w, z = self.predictions()
+        judged, motion = np.isfinite(z).all(axis=1), self.inputs.motion
+        moves = judged if motion is None else judged & ~np.isnan(motion[:, 1])
+        y, z = (self.engine.measurement.sign * self.inputs.d_hat + w)[moves], z[moves]
+        size = (z**2).sum(axis=0)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            shared = np.where(size > 0.0, (y @ z) ** 2 / size, 0.0)
+        return min(int(judged.sum()), LEAST_SAMPLES), float(shared.max())
 
     def run(self, settings: DetectorSettings, inputs: Inputs | None = None) -> Labels:
         """Labels of the recording (or of other inputs on its clock) with that tuning; changes beside them are not
@@ -81,7 +126,7 @@ class Evidence:
     def with_grid(self, grid: Grid) -> Evidence:
         """The same recording looked at with other candidates (and no initial state)."""
         settings = replace(self.engine.settings, initial=0, transition=Transition())
-        return Evidence(self.inputs, Engine(grid, settings, self.engine.measurement))
+        return replace(self, engine=Engine(grid, settings, self.engine.measurement))
 
     def squares(self) -> tuple[Array, NDArray[Any]]:
         """Squared error of every state at every judged sample, shape (judged, states); and which samples these are.
@@ -95,7 +140,8 @@ class Evidence:
         one.run(self.inputs.u, self.inputs.d_hat, t=self.inputs.t, forces=self.inputs.forces)
         at = np.flatnonzero((one.status != WARMUP) & np.isfinite(one.matrix).all(axis=1))
         if at.size < LEAST_SAMPLES:
-            raise TooShort(f"{at.size} samples can be judged", f"tuning needs at least {LEAST_SAMPLES}")
+            where = f" in the longest part, {self.part}" if self.part else ""
+            raise TooShort(f"{at.size} samples can be judged{where}", f"tuning needs at least {LEAST_SAMPLES}")
         return 2.0 * (one.spec.log_likelihood_constant - one.matrix[at]), at
 
     def predictions(self) -> tuple[Array, Array]:
