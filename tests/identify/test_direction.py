@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION, best_delay
+from dsd_cli.identify.fit.laws_of_u import ONE_COLUMN
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.row_weights import weighed
 from dsd_cli.identify.fit.values import whole_inertia
@@ -83,7 +84,7 @@ def test_what_would_explain_u_by_u_is_not_asked():
     assert problem.solver.inverse
     for name in ("dead_zone", "saturation", "actuator_lag", "backlash", "external_force"):
         assert problem.untestable[name] == NEEDS_ACCELERATION
-    assert "load_friction" in problem.candidates  # see test_laws_of_u.py
+    assert problem.untestable["load_friction"] == ONE_COLUMN  # else it is asked: see test_laws_of_u.py
 
 
 def test_an_axis_whose_inertia_is_a_fair_part_of_u_is_asked_the_other_way_round():

@@ -65,7 +65,7 @@ def test_it_takes_the_place_of_nothing(weight, more, verdict):
     assert found.verdict == verdict
     assert [one.effect for one in found.missing] == [verdict][verdict == "none" :]
     left = {one.effect: one.heldout_rmse_after for one in found.ranking}
-    assert left["load_friction"] > 0.9 * found.refitted.heldout_rmse
+    assert not left["load_friction"] <= 0.9 * found.refitted.heldout_rmse  # or not testable, where u always drives
 
 
 @pytest.mark.parametrize("droop", [0.25, 0.4])

@@ -12,6 +12,7 @@ Nothing at rest bounds c from above: beside a load against the way any c from th
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -20,7 +21,7 @@ from dsd_cli.effects import Role, catalogue, get_effect
 from dsd_cli.identify.fit.bank import INERTIA, Bank, Terms, inputs_of
 from dsd_cli.identify.fit.blocks import total_gram, without_noise
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.laws_of_u import grows_with_u
+from dsd_cli.identify.fit.laws_of_u import ONE_COLUMN, drives_and_brakes, grows_with_u
 from dsd_cli.identify.fit.priors import known_to
 from dsd_cli.identify.fit.row_weights import shared_inflation, still_rows
 from dsd_cli.identify.fit.solve import Fit, Solver
@@ -93,6 +94,14 @@ def needs_acceleration(effect_id: str) -> bool:
     effect = get_effect(effect_id)
     of_u = "u" in effect.needs and not grows_with_u(effect)
     return effect.role in (Role.INPUT, Role.STRUCTURE) or of_u or effect.of_time
+
+
+def shown_by_no_motion(candidates: Sequence[str], equations: Equations) -> dict[str, str]:
+    """Candidate -> why the inverse form does not identify it."""
+    found = {name: NEEDS_ACCELERATION for name in candidates if needs_acceleration(name)}
+    if not drives_and_brakes(equations):
+        found |= {name: ONE_COLUMN for name in candidates if grows_with_u(get_effect(name))}
+    return found
 
 
 #: Delays that are tried first, and coarse steps to either side of a delay that is about right.

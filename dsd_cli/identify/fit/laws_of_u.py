@@ -16,11 +16,15 @@ import numpy as np
 from dsd_cli.effects import Effect, Role
 from dsd_cli.identify.fit.bank import FIXED, Bank, Design, Term, Terms, drive
 from dsd_cli.identify.fit.blocks import solve
+from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.stretches import finite
+from dsd_cli.identify.policy import POLICY
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.passes import Starts, mixed
 
+#: Why it is not testable where `drives_and_brakes` is false.
+ONE_COLUMN = "u drives the axis all the time, or brakes it: friction by the load is then a share of all other forces"
 #: Share of its largest by which u is changed, away from 0, to see what a law of u does.
 _STEP = 1e-6
 #: Friction by the load of gears and screws: standard deviation, and the most, with which a tenth of u gets through.
@@ -33,6 +37,13 @@ def grows_with_u(effect: Effect) -> bool:
     """Whether it is friction with one coefficient, a share of u: a table over channels may have no u in it."""
     shares = [p.linear and p.unit == "1" for p in effect.parameters]
     return effect.role is Role.FRICTION and "u" in effect.needs and shares == [True]
+
+
+def drives_and_brakes(equations: Equations) -> bool:
+    """Whether u does both, each in more rows than count as none: else friction by the load is a share of all forces."""
+    signs = np.concatenate([np.sign(s.log["u"]) * s.sign for s in equations.stretches])
+    rarer = min(np.count_nonzero(signs > 0.0), np.count_nonzero(signs < 0.0))
+    return bool(rarer > POLICY.least_unknown * np.count_nonzero(signs))
 
 
 def law_of_u(terms: Terms) -> Term | None:

@@ -14,7 +14,7 @@ from dsd_cli.errors import DataError
 from dsd_cli.identify.fit.band import nearest_bands, telling_length
 from dsd_cli.identify.fit.bank import Bank, Term, Terms, has_friction
 from dsd_cli.identify.fit.blocks import Blocks, lay_blocks
-from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION, best_delay, inverse_is_evidence, needs_acceleration
+from dsd_cli.identify.fit.direction import best_delay, inverse_is_evidence, shown_by_no_motion
 from dsd_cli.identify.fit.driven_load import both_driven, by_contacts, with_driven_load
 from dsd_cli.identify.fit.equations import Equations, equations_of
 from dsd_cli.identify.fit.errors import Errors, Noise, measured, sensor_variance
@@ -182,7 +182,7 @@ def pose(
     drowned = settings.inverse is None and inverse_is_evidence(solver, all_beside, model.inertia, tap)
     if inverse := (settings.inverse or drowned) and not _drifts(recordings):
         solver = Solver(bank, solver.blocks, known=known, inverse=True)
-        untestable |= {name: NEEDS_ACCELERATION for name in candidates if needs_acceleration(name)}
+        untestable |= shown_by_no_motion(candidates, bank.equations)
         candidates = tuple(name for name in candidates if name not in untestable)
     # inverse: a friction that hardly changes is as well explained by a u of seconds ago
     found = 0.0 if inverse else best_delay(solver, beside, most_tap, about, believed=model.delay) * bank.tap_time
