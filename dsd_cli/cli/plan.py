@@ -151,12 +151,12 @@ def widening(signals: Signals) -> Iterator[None]:
 
 @contextmanager
 def naming(log: str) -> Iterator[None]:
-    """What is wrong with the rows of a log is said with the name of the log."""
+    """What is wrong with the rows of a log is said with the name of the log, once."""
     try:
         yield
     except DataError as error:
-        if error.message.startswith("no sample time"):
-            raise DataError(f"{source_name(log)}: {error.message}", error.hint) from None
+        if source_name(log) not in error.message:
+            error.message = f"{source_name(log)}: {error.message}"
         raise
 
 

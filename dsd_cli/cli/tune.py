@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -60,7 +58,7 @@ def tune(
 
     from dsd_cli.cli.identification import print_json, say, warn
     from dsd_cli.cli.pictures import check_plot, put_picture
-    from dsd_cli.cli.plan import widening
+    from dsd_cli.cli.plan import naming, widening
     from dsd_cli.cli.progress import Progress
     from dsd_cli.cli.user_effects import use_effects
     from dsd_cli.detect.tune.tuning import tune as choose
@@ -77,7 +75,7 @@ def tune(
     if output is not None:
         check_config_output(output, (log, *settings.files, *(effects_from or ())))
     check_plot(plot, [str(config), log, *settings.files, *(effects_from or ()), *([output] if output else [])])
-    with Progress(not quiet) as progress, widening(settings.signals), _named(source_name(log)):
+    with Progress(not quiet) as progress, widening(settings.signals), naming(log):
         evidence, warnings = _evidence(log, settings, progress)
         tuning = choose(evidence, progress)
     report = TuningReport(tuning, source_name(log), output)
@@ -97,19 +95,6 @@ def tune(
         from dsd_cli.report.plots_tuning import draw
 
         put_picture(plot, lambda: draw(report, settings.signals.units), quiet)
-
-
-@contextmanager
-def _named(log: str) -> Iterator[None]:
-    """What is wrong with the data is said with the name of the log, once."""
-    from dsd_cli.errors import DataError
-
-    try:
-        yield
-    except DataError as error:
-        if log not in error.message:
-            error.message = f"{log}: {error.message}"
-        raise
 
 
 def _evidence(log: str, config: Config, progress: Progress) -> tuple[Evidence, tuple[str, ...]]:

@@ -110,7 +110,7 @@ def test_the_slope_of_what_is_left_is_that_of_the_law():
     design = search.solver.bank.design(terms, 0)
     weights = np.zeros((1, len(design.rows)))
     weights[0, 0], weights[0, -1] = 1.0, -0.25  # the law comes last
-    found = shrinks(search.solver.bank, design, terms, 0, weights)
+    found = shrinks(search.solver.bank, terms, design.widths, 0, weights)
     equations, (log,) = search.equations, [s.log for s in search.equations.stretches]
     driven, around = np.sign(log["u"] * log["velocity"]), 150  # samples: a row averages over some of its neighbours
     mean = np.convolve(driven, np.ones(2 * around + 1) / (2 * around + 1), mode="same")

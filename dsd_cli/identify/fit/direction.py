@@ -89,8 +89,7 @@ def drowns(moved: Array, fitted: float, inertia: float) -> bool:
 
 
 def needs_acceleration(effect_id: str) -> bool:
-    """Whether an effect can be identified by the forward form alone: one on u, of time, a mass, or of u
-    but friction."""
+    """Whether the forward form alone identifies an effect: one on u, of time, a mass, or of u but no share of it."""
     effect = get_effect(effect_id)
     of_u = "u" in effect.needs and not grows_with_u(effect)
     return effect.role in (Role.INPUT, Role.STRUCTURE) or of_u or effect.of_time

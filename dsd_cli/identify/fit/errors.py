@@ -70,11 +70,11 @@ class Errors:
 
         Shape (N,), 0 in rows that do not count.
         """
-        design, starts, weights = self.bank.design(fit.terms, fit.tap), np.zeros(1, dtype=np.int_), fit.forward[None]
+        rows, starts, weights = self.bank.rows(fit.terms, fit.tap), np.zeros(1, dtype=np.int_), fit.forward[None]
         if held_out:
             starts, weights = self.blocks.starts[::3], fit.forward_folds[self.blocks.fold]
-        left = mixed(design.rows, weights, starts) * self._keep
-        return left / shrinks(self.bank, design, fit.terms, fit.tap, weights, starts) if fit.inverse else left
+        left = mixed(rows, weights, starts) * self._keep
+        return left / shrinks(self.bank, fit.terms, fit.widths, fit.tap, weights, starts) if fit.inverse else left
 
     @once
     def white(self, fit: Fit) -> bool:

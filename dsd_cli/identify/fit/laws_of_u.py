@@ -9,6 +9,7 @@ the error of u is least, with the others by least squares of r, and that error i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -59,9 +60,9 @@ def at_law(
 
     total : inner products of the rows, shape (p+1, p+1). variance : of squares, per nat.
     """
-    if law_of_u(terms) is None:
+    if (law := law_of_u(terms)) is None:
         return known
-    law, at = _law_at(terms, design)
+    at = 1 + FIXED + sum(design.widths[: terms.index(law)])
     name = f"{law.id}.{law.effect.parameters[0].name}"
     if name in known.fixed:
         return known
@@ -88,26 +89,21 @@ def grown(bank: Bank, design: Design, terms: Terms, tap: int, weights: Array, st
     if law_of_u(terms) is None:
         return np.ones(len(weights))
     left = mixed(design.rows, weights, starts)
-    errors = left / shrinks(bank, design, terms, tap, weights, starts)
+    errors = left / shrinks(bank, terms, design.widths, tap, weights, starts)
     return np.add.reduceat(errors**2, starts) / np.maximum(np.add.reduceat(left**2, starts), 1e-300)
 
 
-def shrinks(bank: Bank, design: Design, terms: Terms, tap: int, weights: Array, starts: Starts = (0,)) -> Array:
+def shrinks(bank: Bank, terms: Terms, widths: Sequence[int], tap: int, weights: Array, starts: Starts = (0,)) -> Array:
     """|dr/du| of each row, shape (N,); 1 without a law of u.
 
-    weights : of the rows of the design, of each segment that begins at `starts`, shape (segments, p+1).
+    widths : columns of each effect. weights : of the rows of a design, of each segment that begins at `starts`, shape
+        (segments, p+1).
     """
-    if law_of_u(terms) is None:
+    if (law := law_of_u(terms)) is None:
         return np.ones(1)
-    law, at = _law_at(terms, design)
+    at = 1 + FIXED + sum(widths[: terms.index(law)])
     taken = mixed([_slope(bank, law, tap)], weights[:, at : at + 1] / weights[:, :1], starts)
     return np.maximum(np.abs(1.0 + taken), _NOTHING)
-
-
-def _law_at(terms: Terms, design: Design) -> tuple[Term, int]:
-    """(law of u, its row of the design)."""
-    place = next(i for i, t in enumerate(terms) if law_of_u((t,)))
-    return terms[place], 1 + FIXED + sum(design.widths[:place])
 
 
 def _slope(bank: Bank, law: Term, tap: int) -> Array:

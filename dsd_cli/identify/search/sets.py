@@ -174,10 +174,12 @@ class Search(Evidence):
         the same places each time: lines explain a part of that, and beside them its valley is not seen any more."""
         others = {t for t in self.added(fit.terms) if t.effect.repeats is not None or t.effect.role is Role.STRUCTURE}
         laws = [t for t in fit.terms if t not in others]
-        wanted = {n for e in map(get_effect, self.allowed) for n in e.hidden_by if n in self.allowed}
-        rest = self.fit((*laws, *(Term(n) for n in sorted(wanted - {t.id for t in laws}))), fit.tap)
-        known = any(t.effect.role is Role.STRUCTURE for t in laws)
-        if known or self.problem.errors.rmse(rest) < self.problem.least_missing:
+        narrow = [e for e in map(get_effect, self.allowed) if e.valley]
+        if not narrow or any(t.effect.role is Role.STRUCTURE for t in laws):
+            return fit
+        beside = {n for e in narrow for n in e.hidden_by if n in self.allowed} - {t.id for t in laws}
+        rest = self.fit((*laws, *map(Term, sorted(beside))), fit.tap)
+        if self.problem.errors.rmse(rest) < self.problem.least_missing:
             return fit
         found = [self._near(self.fit((*rest.terms, x), tap)) for _, tap, x in self._at_best_starts(rest, closely=True)]
         return max((fit, *(self._near(self.settled(x, rest)) for x in found)), key=self.evidence)

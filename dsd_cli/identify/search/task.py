@@ -213,6 +213,8 @@ def _seen(times: Sequence[np.ndarray], place: Sequence[int], parts: Sequence[Rec
     """1 in rows that the excerpts contain, otherwise 0."""
     found = []
     for t, i in zip(times, place, strict=True):
-        inside = [(t >= piece["t"][0]) & (t <= piece["t"][-1]) for piece in parts[i].pieces]
-        found.append(np.any([np.zeros(len(t), bool), *inside], axis=0).astype(np.float64))
+        inside = np.zeros(len(t), dtype=bool)
+        for piece in parts[i].pieces:
+            inside |= (t >= piece["t"][0]) & (t <= piece["t"][-1])
+        found.append(inside.astype(np.float64))
     return np.concatenate(found)
