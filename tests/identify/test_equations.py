@@ -79,7 +79,7 @@ def _share(left, whole):
 
 
 def _mean_of_middles(x):
-    return passed(x, MEAN_OF_MIDDLES, 1)
+    return passed(x, MEAN_OF_MIDDLES, 2)
 
 
 def _held_mean(u, start, end, delay, weight, parts=400):

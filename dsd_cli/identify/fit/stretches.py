@@ -16,7 +16,7 @@ from dsd_cli.identify.fit.pushes import SensorMotion
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.recordings.sensor import FeedbackNoise, feedback_noise_of
-from dsd_cli.identify.recordings.smoothing import MEAN_OF_FOUR
+from dsd_cli.identify.recordings.smoothing import MEAN_OF_SIX, extended
 from dsd_cli.plant.filtering import delay_taps
 from dsd_cli.plant.forces import IntervalChannels
 from dsd_cli.plant.prediction import Frame
@@ -72,14 +72,14 @@ def _stays(speed: Array, limits: Array, usual: float) -> bool:
 _CERTAIN = 4.0
 #: Mean of sgn v from which on the direction is sure.
 _SURE = 0.999
-#: Value in the middle of the interval between the inner two of four samples (exact for cubics).
-_MIDDLE_OF_FOUR = np.array([-1.0, 9.0, 9.0, -1.0]) / 16.0
-#: Cubic through the values at -1, 0, 1 and 2: the powers (columns) in the weight of each.
-_CUBIC = np.array([[0.0, -2.0, 3.0, -1.0], [6.0, -3.0, -6.0, 3.0], [0.0, 6.0, 3.0, -3.0], [0.0, -1.0, 0.0, 1.0]]) / 6.0
+#: Value in the middle of the interval between the inner two of six samples (exact for quintics).
+_MIDDLE_OF_SIX = np.array([3.0, -25.0, 150.0, 150.0, -25.0, 3.0]) / 256.0
+#: Quintic through the values at -2 to 3: the powers (columns) in the weight of each.
+_QUINTIC = np.linalg.inv(np.vander(np.arange(-2.0, 4.0), increasing=True)).T
 #: Mean over two intervals, that before a sample and the next.
 _HALVES = np.array([0.5, 0.5])
-#: Mean over an interval out of the values in the middle of it and of its neighbours.
-MEAN_OF_MIDDLES = np.array([1.0, 22.0, 1.0]) / 24.0
+#: Mean over an interval out of the values in the middle of it and of two neighbours on either side (exact for quintics).
+MEAN_OF_MIDDLES = np.array([-17.0, 308.0, 5178.0, 308.0, -17.0]) / 5760.0
 
 
 class DelayTap(NamedTuple):
@@ -179,7 +179,7 @@ class Stretch:
             return [self.sign * c for c in columns]
         if effect.role is Role.STRUCTURE:
             return columns
-        return [-c if effect.memory else passed(c, -MEAN_OF_MIDDLES, 1) for c in columns]
+        return [-c if effect.memory else passed(c, -MEAN_OF_MIDDLES, 2) for c in columns]
 
     def acting(self, x: Array, smooth: bool, held: bool) -> Array:
         """A force per interval as the acceleration averages it.
@@ -197,14 +197,14 @@ class Stretch:
         """The parts of a command that is `delay` s late, and their weights.
 
         Between whole samples the mean of a held u over one interval is linear in the delay; under the hat each interval
-        has the older value for its first part, then the newer one. A u that is not held follows a cubic through four
+        has the older value for its first part, then the newer one. A u that is not held follows a quintic through six
         samples.
         """
         whole, share = delay_taps(delay, self.frame.log.sample_time)
         if share == 0.0:
             return {DelayTap(whole): 1.0}
         if not self.stepping:
-            return {DelayTap(whole + k): float(w) for k, w in enumerate(_CUBIC @ share ** np.arange(4.0), -1)}
+            return {DelayTap(whole + k): float(w) for k, w in enumerate(_QUINTIC @ share ** np.arange(6.0), -2)}
         if not self.two_intervals:
             linear = {DelayTap(whole): 1.0 - share, DelayTap(whole + 1): share}
             return linear if self.frame.regular else {DelayTap(whole + share): 1.0}
@@ -213,8 +213,9 @@ class Stretch:
 
     def part(self, command: Array, part: DelayTap, held: bool) -> Array:
         """One part of a delayed command."""
-        mean = self.frame.mean_u(command, max(part.samples, 0) * self.frame.log.sample_time)
-        mean = mean if part.samples >= 0 else np.append(mean[1:], mean[-1])
+        late = max(part.samples, 0)
+        mean = self.frame.mean_u(command, late * self.frame.log.sample_time)
+        mean = np.append(mean[(ahead := round(late - part.samples)) :], np.full(ahead, mean[-1]))
         if part.next is None:
             return self.acting(mean, not self.stepping, held)
         mean = mean * self.free if held else mean
@@ -224,7 +225,7 @@ class Stretch:
         """x per interval -> as the acceleration averages it."""
         if not self.two_intervals:
             return self._counting(x)
-        return self._counting(passed(x, MEAN_OF_FOUR, 1) if smooth else passed(x, _HALVES, 0))
+        return self._counting(passed(x, MEAN_OF_SIX, 2) if smooth else passed(x, _HALVES, 0))
 
     def _counting(self, x: Array) -> Array:
         return x * self.clear if "clear" in self.log else x
@@ -241,8 +242,8 @@ def stretch_of(log: Log, recording: Recording, owner: int) -> Stretch:
     return Stretch(
         log=log,
         frame=frame,
-        middle=_motion(log, _MIDDLE_OF_FOUR),
-        mean=_motion(log, MEAN_OF_FOUR),
+        middle=_motion(log, _MIDDLE_OF_SIX),
+        mean=_motion(log, MEAN_OF_SIX),
         sensed=SensorMotion(log, sensor),
         free=known.astype(np.float64),
         clear=log["clear"] if "clear" in log else np.ones(len(log)),
@@ -257,15 +258,13 @@ def stretch_of(log: Log, recording: Recording, owner: int) -> Stretch:
 
 
 def _motion(log: Log, weights: Array) -> IntervalChannels:
-    """Motion of each interval out of four samples; the first two and the last have the mean of their ends."""
+    """Motion of each interval out of six samples; before its ends a log goes on as behind them, turned round."""
     unknown = np.broadcast_to(np.nan, len(log))
 
     def of(name: str) -> Array:
         if name not in log:
             return unknown
-        x = log[name]
-        first, last = [x[0], 0.5 * (x[0] + x[1])], [0.5 * (x[-2] + x[-1])]
-        return np.concatenate([first, np.convolve(x, weights, mode="valid"), last])
+        return np.convolve(extended(log[name], 3), weights, mode="valid")[:-1]
 
     return IntervalChannels(of("velocity"), of("position"), unknown, unknown)
 
