@@ -81,7 +81,8 @@ def check_hold(stretches: Sequence[Stretch], band: Band, delay: float, hold: Hol
     if abs(np.log(rests[0] / rests[1])) < CLEAR * float(jackknife(ratios)):
         return []
     like = "a continuous signal that was sampled" if better else "held from one sample to the next"
-    return [Finding(f"u looks like {like}", "u", "warning", 0.9, f'signals.u_hold = "{found}"', first=True)]
+    what, remedy = f"u looks like {like}", f'signals.u_hold = "{found}"'
+    return [Finding(what, "u", "warning", 0.9, remedy, first=True, hold=found)]
 
 
 def _spectra(stretches: Sequence[Stretch], band: Band, ahead: int) -> _Spectra | None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 from dsd_cli.identify.fit.priors import Grade
+from dsd_cli.signals.log import Hold
 from dsd_cli.signals.units import KeysOf, Units
 
 Severity = Literal["error", "warning", "note"]
@@ -27,6 +28,7 @@ class Finding:
     ratio : of velocity and slope of position, where that is what is wrong; else 0.
     first : it must be said before anything that the log answers, though it is no error.
     late_channel, late_by : velocity or position, where one is later than the other says, and by how many s.
+    hold : how u lives between its samples (`Log.u_hold`), where the log does not have it so.
     """
 
     what: str
@@ -40,6 +42,7 @@ class Finding:
     first: bool = False
     late_channel: str = ""
     late_by: float = 0.0
+    hold: Hold | None = None
 
     def worded(self, keys_of: KeysOf, u_shift: float = 0.0) -> Finding:
         """With a remedy that says what the keys of [signals] must be."""

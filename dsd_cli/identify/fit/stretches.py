@@ -78,7 +78,7 @@ _MIDDLE_OF_SIX = np.array([3.0, -25.0, 150.0, 150.0, -25.0, 3.0]) / 256.0
 _QUINTIC = np.linalg.inv(np.vander(np.arange(-2.0, 4.0), increasing=True)).T
 #: Mean over two intervals, that before a sample and the next.
 _HALVES = np.array([0.5, 0.5])
-#: Mean over an interval out of the values in the middle of it and of two neighbours on either side (exact for quintics).
+#: Mean over an interval out of the values in its middle and of two more on either side (exact for quintics).
 MEAN_OF_MIDDLES = np.array([-17.0, 308.0, 5178.0, 308.0, -17.0]) / 5760.0
 
 

@@ -122,7 +122,8 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
             return False
         lead = search.gains(option.fit, whole)
         spread = float(np.std(lead, ddof=1)) * math.sqrt(len(lead))
-        return float(lead.sum()) < POLICY.rival_deviations * spread or not search.matters(option.fit, whole)
+        doubtful = float(lead.sum()) < POLICY.rival_deviations * spread or not search.matters(option.fit, whole)
+        return doubtful or plain.within_left(option.fit, whole, search.problem.floor)
 
     as_well = [o for o in options if misfit and share(o) > POLICY.rival_share_in_misfit and may_be(o)]
     as_told = _changed(search, whole) + math.log(POLICY.changed_for_name)
@@ -185,7 +186,7 @@ def probabilities(search: Search, rest: Fit, options: list[Option]) -> dict[str,
     best = max(range(len(fits)), key=lambda i: search.evidence(fits[i]))
     chances = np.array([search.by_chance(fit, fits[best]) for fit in fits])
     gains = gains[best] - (gains[best] - gains) / chances[:, None]
-    prices = np.array([0.0, *(search.price(o.fit.terms) - search.price(rest.terms) for o in options)])
+    prices = np.array([0.0, *(search.cost(o.fit) - search.cost(rest) for o in options)])
     shares = shared_belief(gains, prices)
     return dict(zip((NOTHING, *(o.effect for o in options)), shares.tolist(), strict=True))
 
