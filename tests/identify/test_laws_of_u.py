@@ -64,15 +64,31 @@ def test_it_takes_the_place_of_nothing(weight, more, verdict):
     found = diagnose([joint(839004, 0.0, weight, more)], model(weight), OBSERVER, Settings(effects=LAWS))
     assert found.verdict == verdict
     assert [one.effect for one in found.missing] == [verdict][verdict == "none" :]
+    assert not any("load_friction" in one.indistinguishable_from for one in found.ranking)  # then others are off
     left = {one.effect: one.heldout_rmse_after for one in found.ranking}
     assert not left["load_friction"] <= 0.9 * found.refitted.heldout_rmse  # or not testable, where u always drives
 
 
-@pytest.mark.parametrize("droop", [0.25, 0.4])
-def test_it_is_not_sure_where_a_drive_droops(droop):
-    """A gain that falls with u makes friction beside a weight grow with the load, and the weight no sine: 93 %."""
-    found = diagnose([joint(839007, 0.0, 20.0, droop=droop)], model(20.0), OBSERVER, Settings(effects=LAWS))
-    assert all(one.probability < 0.8 for one in found.missing if one.effect == "load_friction")
+@pytest.mark.parametrize(("seed", "droop"), [(839007, 0.25), (839007, 0.4), (894901, 0.3)])
+def test_a_drive_that_droops_has_no_friction_by_the_load(seed, droop):
+    """A gain that falls with u makes friction beside a weight grow with the load, and the weight no sine: 58 to 79 %,
+    and 93 with no bound by what is left. A function of u alone does what that drive does, both ways alike."""
+    found = diagnose([joint(seed, 0.0, 20.0, droop=droop)], model(20.0), OBSERVER, Settings(effects=LAWS))
+    assert found.inverse
+    assert found.verdict != "load_friction"
+    assert all(one.probability < 0.1 for one in found.missing if one.effect == "load_friction")
+
+
+@pytest.mark.parametrize(("seed", "share"), [(894902, 0.2), (894903, 0.2)])
+def test_a_share_of_all_forces_is_not_one_wrong_value(seed, share):
+    """Without a weight u drives all the time, and friction by the load makes all values look too large, by the same
+    factor: one of them was "wrong", 97 %. With any one of them as given the log shows the friction."""
+    found = diagnose([joint(seed, share, 0.0, pace=0.25)], model(0.0), OBSERVER, Settings(effects=LAWS))
+    assert found.inverse
+    (named,) = [c for c in found.ranking if c.effect == found.verdict]
+    assert found.verdict in ("coulomb_friction", "viscous_friction", "inertia")
+    assert "load_friction" in named.indistinguishable_from
+    assert found.probability <= 0.5
 
 
 def test_what_is_known_of_it_holds():

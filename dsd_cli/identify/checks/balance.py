@@ -1,6 +1,5 @@
 """The force balance u(t - L) = J a + what depends on the motion, in the band in which the acceleration is seen: as far
-up in frequency as a sensor shows it, signal against noise, from the log itself.
-"""
+up in frequency as a sensor shows it, signal against noise, from the log itself."""
 
 from __future__ import annotations
 

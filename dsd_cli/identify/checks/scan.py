@@ -1,6 +1,5 @@
 """What all checks of one log look at, computed once: its stretches, its band, the balance, and in that the inertia by
-regression of u on the acceleration, for each sign of it, over all possible delays.
-"""
+regression of u on the acceleration, for each sign of it, over all possible delays."""
 
 from __future__ import annotations
 

@@ -17,6 +17,7 @@ from dsd_cli.identify.fit.bank import drive as delayed
 from dsd_cli.identify.fit.basis import APART, Units, basis
 from dsd_cli.identify.fit.blocks import Blocks, Grams, grams, losses, solve, total_gram
 from dsd_cli.identify.fit.equations import Equations
+from dsd_cli.identify.fit.laws_of_u import grows_with_u, shrinks, slopes
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.stretches import Stretch
 from dsd_cli.identify.results import DELAY
@@ -83,7 +84,8 @@ class FreeformFits:
 
     Pulses of the fit keep their coefficients, in every fold as in the fit itself. base : what is explained, and the
     columns that explain it; owners : the effect of each of these, or `DELAY`, "" of what is neither's. apart : see
-    `basis`. made : hats in the unit of u, by what they are functions of.
+    `basis`. made : hats in the unit of u, by what they are functions of. explained : u without the error of a fit, in
+    rows, of which functions of u are in the inverse form: those of u itself would take it away.
     """
 
     equations: Equations
@@ -93,6 +95,7 @@ class FreeformFits:
     owners: Sequence[str]
     pieces: Sequence[Piece]
     apart: float = APART
+    explained: Sequence[Piece] = ()
     made: dict[Any, tuple[list[Array], Array]] = field(default_factory=dict)
     _grams: dict[tuple[tuple[str, ...], bool], Grams] = field(init=False, default_factory=dict)
 
@@ -100,8 +103,7 @@ class FreeformFits:
         """Groups whose channels all stretches have, and that vary."""
         values = [p.values for p in self.pieces]
         have = {n for n in values[0] if all(n in v and float(np.ptp(v[n])) > 0.0 for v in values)}
-        have = have - {"u"} if self.fit.inverse else have
-        have |= {GAIN} if "u" in have else set()
+        have = have - {"u"} if self.fit.inverse else have | ({GAIN} if "u" in have else set())
         return [g for g in (*SINGLES, *PAIRS) if set(g) <= have]
 
     def fit_with(self, on: tuple[str, ...]) -> Freeform:
@@ -171,7 +173,8 @@ class FreeformFits:
         if key not in self.made:
             raw, penalty = self._raw(on)
             every = ([units.column(i) for units in raw] for i in range(raw[0].size))
-            self.made[key] = [self.equations.acting(one, smooth=False, held=held) for one in every], penalty
+            explained, act = of_u and self.fit.inverse, self.equations.acting
+            self.made[key] = [x[0] if explained else act(x, smooth=False, held=held) for x in every], penalty
         return self.made[key]
 
     def _raw(self, on: tuple[str, ...]) -> tuple[list[Units], Array]:
@@ -183,7 +186,8 @@ class FreeformFits:
         if on[0] == GAIN:
             return self._gain(on[1], min(HATS, most))
         if len(on) == 1:
-            return basis(self.pieces, on, [min(FINE_HATS if on == ("position",) else HATS, most)], self.apart)
+            pieces = self.explained if on == ("u",) and self.fit.inverse else self.pieces
+            return basis(pieces, on, [min(FINE_HATS if on == ("position",) else HATS, most)], self.apart)
         return basis(self.pieces, on, [min(HATS_IN_PAIR, max(math.isqrt(most), 2))] * len(on), self.apart)
 
     def _gain(self, channel: str, count: int) -> tuple[list[Units], Array]:
@@ -204,11 +208,15 @@ def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, in
     bank : in the unit of u. equations : the same rows with the whitening in which they are judged. inertia : that of
         the forward form.
     """
-    drive, acceleration, later, *columns = bank.rows(fit.terms, fit.tap, keep=False)
+    drive, acceleration, later, *columns = rows = bank.rows(fit.terms, fit.tap, keep=False)
+    taken = shrinks(bank, fit.terms, fit.widths, fit.tap, fit.forward[None]) if fit.inverse else 1.0
+    error = mixed(rows, fit.forward) / (fit.forward[0] * taken) if fit.inverse else np.zeros(len(drive))
     target, other = (-drive, acceleration) if fit.inverse else (inertia * acceleration, drive)
     base, owners, at = [other, later], ["", "", DELAY], FIXED
     for term, width in zip(fit.terms, fit.widths, strict=True):
         own = columns[at - FIXED : at - FIXED + width]
+        if fit.inverse and grows_with_u(term.effect):  # at the u that is explained: what is left is then the error of u
+            own = [own[0] - slopes(bank, term, fit.tap) * error]
         if term.effect.listed:  # an event that a fold did not see has no coefficient of its own there
             target = target + mixed(own, fit.forward[1 + at : 1 + at + width])
         else:
@@ -217,7 +225,8 @@ def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, in
         at += width
     late = delayed(bank.equations, (), fit.tap * bank.tap_time)
     pieces = [piece_of(s, u) for s, u in zip(bank.equations.stretches, late, strict=True)]
-    return FreeformFits(equations, blocks, fit, [target, *base], owners, pieces, made=dict(bank.hats))
+    explained = [Piece({"u": drive - error}, np.full(len(drive), np.nan))]
+    return FreeformFits(equations, blocks, fit, [target, *base], owners, pieces, APART, explained, dict(bank.hats))
 
 
 def piece_of(stretch: Stretch, u: Array) -> Piece:

@@ -9,18 +9,18 @@ the error of u is least, with the others by least squares of r, and that error i
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from dsd_cli.effects import Effect, Role
 from dsd_cli.identify.fit.bank import FIXED, Bank, Design, Term, Terms, drive
-from dsd_cli.identify.fit.blocks import solve
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.stretches import finite
 from dsd_cli.identify.policy import POLICY
+from dsd_cli.signals.golden import golden_section
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.passes import Starts, mixed
 
@@ -30,8 +30,10 @@ ONE_COLUMN = "u drives the axis all the time, or brakes it: friction by the load
 _STEP = 1e-6
 #: Friction by the load of gears and screws: standard deviation, and the most, with which a tenth of u gets through.
 _USUAL, _MOST = 0.3, 0.9
-#: Values that are tried at once, and rounds about the best of them. Share of u that counts as nothing.
-_TRIED, _ROUNDS, _NOTHING = 16, 4, 1e-6
+#: Golden section steps. Share of u that counts as nothing.
+_STEPS, _NOTHING = 40, 1e-6
+#: Coefficients, shape (p,), by what is known.
+Values = Callable[[PriorKnowledge], Array]
 
 
 def grows_with_u(effect: Effect) -> bool:
@@ -42,9 +44,9 @@ def grows_with_u(effect: Effect) -> bool:
 
 def drives_and_brakes(equations: Equations) -> bool:
     """Whether u does both, each in more rows than count as none: else friction by the load is a share of all forces."""
-    signs = np.concatenate([np.sign(s.log["u"]) * s.sign for s in equations.stretches])
-    rarer = min(np.count_nonzero(signs > 0.0), np.count_nonzero(signs < 0.0))
-    return bool(rarer > POLICY.least_unknown * np.count_nonzero(signs))
+    ways = np.concatenate([np.sign(s.log["u"]) * s.sign for s in equations.stretches])
+    counts = np.count_nonzero(ways > 0.0), np.count_nonzero(ways < 0.0)
+    return bool(min(counts) > POLICY.least_unknown * sum(counts))
 
 
 def law_of_u(terms: Terms) -> Term | None:
@@ -53,35 +55,26 @@ def law_of_u(terms: Terms) -> Term | None:
 
 
 def at_law(
-    bank: Bank, design: Design, terms: Terms, tap: int, total: Array, known: PriorKnowledge, variance: float
+    bank: Bank, design: Design, law: Term, tap: int, values: Values, known: PriorKnowledge, variance: float
 ) -> PriorKnowledge:
     """With the coefficient of a law of u held where the error of u is least; where all are alike, as of an axis that u
     drives all the time, at none, or what is known of it.
 
-    total : inner products of the rows, shape (p+1, p+1). variance : of squares, per nat.
+    values : coefficients of the set, linear in what is held. variance : of squares, per nat.
     """
-    if (law := law_of_u(terms)) is None:
+    if (name := f"{law.id}.{law.effect.parameters[0].name}") in known.fixed:
         return known
-    at = 1 + FIXED + sum(design.widths[: terms.index(law)])
-    name = f"{law.id}.{law.effect.parameters[0].name}"
-    if name in known.fixed:
-        return known
-    low, high = np.clip(known.limits(name), 0.0, _MOST)
     usual, spread = known.priors.get(name, (0.0, _USUAL))
-    others = [i for i in range(1, len(total)) if i != at]
-    beside = solve(np.stack([total[np.ix_(every, every)] for every in ([0, *others], [at, *others])]))
-    rows, slope = [design.rows[i] for i in others], _slope(bank, law, tap)
-    own, taken = (design.rows[i] - mixed(rows, theta) for i, theta in zip((0, at), beside, strict=True))
+    fixed = [replace(known, fixed={**known.fixed, name: c}) for c in (0.0, 1.0)]
+    own, beside = (mixed(design.rows, np.append(1.0, -values(one))) for one in fixed)
+    slope = slopes(bank, law, tap)
 
-    def judged(c: Array) -> Array:
-        errors = (own - c[:, None] * taken) / np.maximum(np.abs(1.0 - c[:, None] * slope), _NOTHING)
-        return np.asarray(np.sum(errors**2, axis=1) + variance * ((c - usual) / spread) ** 2)
+    def judged(c: float) -> float:
+        errors = ((1.0 - c) * own + c * beside) / np.maximum(np.abs(1.0 - c * slope), _NOTHING)
+        return float(errors @ errors) + variance * ((c - usual) / spread) ** 2
 
-    tried, best = np.linspace(low, high, _TRIED), float(low)
-    for _ in range(_ROUNDS):
-        best, step = float(tried[judged(tried).argmin()]), float(tried[1] - tried[0])
-        tried = np.linspace(max(best - step, low), min(best + step, high), _TRIED)
-    return replace(known, fixed={**known.fixed, name: best})
+    low, high = (min(max(end, 0.0), _MOST) for end in known.limits(name))
+    return replace(known, fixed={**known.fixed, name: golden_section(judged, low, high, _STEPS)})
 
 
 def grown(bank: Bank, design: Design, terms: Terms, tap: int, weights: Array, starts: Starts = (0,)) -> Array:
@@ -102,11 +95,11 @@ def shrinks(bank: Bank, terms: Terms, widths: Sequence[int], tap: int, weights: 
     if (law := law_of_u(terms)) is None:
         return np.ones(1)
     at = 1 + FIXED + sum(widths[: terms.index(law)])
-    taken = mixed([_slope(bank, law, tap)], weights[:, at : at + 1] / weights[:, :1], starts)
+    taken = mixed([slopes(bank, law, tap)], weights[:, at : at + 1] / weights[:, :1], starts)
     return np.maximum(np.abs(1.0 + taken), _NOTHING)
 
 
-def _slope(bank: Bank, law: Term, tap: int) -> Array:
+def slopes(bank: Bank, law: Term, tap: int) -> Array:
     """dx/du in each row, shape (N,): mean over the samples of it that count."""
     if (law, tap) not in bank.slopes:
         made, equations = [], bank.equations

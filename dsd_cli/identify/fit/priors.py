@@ -1,11 +1,10 @@
 """What is known of values: by the user before any fit, held, bounded, or to a spread (a prior); and by a fit, with the
-standard error by which a log identifies a value, weakly, or not, and what goes with it.
-"""
+standard error by which a log identifies a value, weakly, or not, and what goes with it."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any, Literal
@@ -67,9 +66,10 @@ class PriorKnowledge:
         fixed, errors = ({n: pair[i] for n, pair in found.items()} for i in (0, 1))
         return replace(self, fixed={**self.fixed, **fixed}, seen={**self.seen, **errors})
 
-    def holding_effects(self, model: PlantModel, effects: Iterable[str]) -> PriorKnowledge:
-        """With all values that the model has of these effects fixed, of which nothing else is known."""
+    def holding_effects(self, model: PlantModel, effects: Collection[str]) -> PriorKnowledge:
+        """With all values that the model has of these effects, or of its inertia, fixed: nothing else is known."""
         there = {f"{name}.{p}": v for name in effects for p, v in model.effects.get(name, {}).items()}
+        there |= {INERTIA: model.inertia} if INERTIA in effects else {}
         there = {name: value for name, value in there.items() if name not in self.fixed}
         unknown = dict.fromkeys(there, math.nan)
         return replace(self, fixed={**self.fixed, **there}, seen={**self.seen, **unknown})

@@ -167,7 +167,7 @@ def pose(
     known = settings.known
     model = known.applied(model)
     recordings, holdout = both_driven(recordings, holdout, model)
-    known = known.holding_effects(model, (r.pushed[0] for r in recordings if r.pushed and by_contacts([r])))
+    known = known.holding_effects(model, [r.pushed[0] for r in recordings if r.pushed and by_contacts([r])])
     candidates, untestable = candidates_of(recordings, holdout, model, settings)
     base, step = terms_of(model), recordings[0].sample_time
     telling = telling_length([([p["acceleration"] for p in r.pieces], r.sensor.noise) for r in recordings])

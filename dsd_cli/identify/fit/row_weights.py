@@ -1,6 +1,5 @@
 """Rows in which friction's direction is sure decide the values; the others count as far as they agree, weighed by what
-they leave, as generalised least squares does with rows of two variances.
-"""
+they leave, as generalised least squares does with rows of two variances."""
 
 from __future__ import annotations
 

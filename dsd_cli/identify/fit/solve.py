@@ -19,7 +19,7 @@ import numpy as np
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, SHARE, Bank, Design, Term, Terms, has_friction, inputs_of
 from dsd_cli.identify.fit.blocks import Blocks, Grams, grams, total_gram, without_noise
 from dsd_cli.identify.fit.constraints import Reduction, Rules, solved
-from dsd_cli.identify.fit.laws_of_u import at_law, grown
+from dsd_cli.identify.fit.laws_of_u import at_law, grown, law_of_u
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY
@@ -89,9 +89,8 @@ class Reductions(NamedTuple):
 class Solver:
     """Fits selections of effects out of a bank of columns.
 
-    inertia : J0 of the forward form.
-    known : what is held, bounded, or known to a spread. variance : of a row, per nat, against which a spread counts;
-        0 leaves spreads out. inverse : whether the inverse form is evidence.
+    inertia : J0 of the forward form. known : what is held, bounded, or known to a spread. variance : of a row, per nat,
+    against which a spread counts; 0 leaves spreads out. inverse : whether the inverse form is evidence.
     """
 
     def __init__(
@@ -122,8 +121,7 @@ class Solver:
         `keep` the columns that had to be made, for they will be asked for again.
         """
         design = self.bank.design(terms, tap, keep)
-        total = total_gram(design.rows)
-        return self._left(terms, tap, design, total) + self.pull(terms)
+        return self._left(terms, tap, design, total_gram(design.rows)) + self.pull(terms)
 
     def squares_of(self, sets: Sequence[Terms], tap: int) -> dict[Terms, float]:
         """`squares` of many sets: inner products of the columns that they share are summed once."""
@@ -187,8 +185,7 @@ class Solver:
 
     def _left(self, terms: Terms, tap: int, design: Design, total: Array) -> float:
         """Sum of squares of the form that is evidence."""
-        rules = self.reductions(terms, tap, design, total)
-        weights, judged = self._judging(design, total[None], rules)
+        weights, judged = self._judging(design, total[None], self.reductions(terms, tap, design, total))
         return self._size(weights[0], judged[0]) * float(self._grown(design, terms, tap, weights)[0])
 
     def taps(self, most: int) -> range:
@@ -203,18 +200,23 @@ class Solver:
 
     def pull(self, terms: Terms) -> float:
         """What shapes away from their priors cost, as a sum of squares."""
-        if not (self.known.priors and self.variance > 0.0):
-            return 0.0
         return self.variance * sum(self.known.pull_of_shapes(t.id, t.shape) for t in terms)
 
     def reductions(self, terms: Terms, tap: int, design: Design, total: Array, zero: Sequence[int] = ()) -> Reductions:
         """What is known of the values of these effects, as rules on rows of that Gram matrix; `zero` : coefficients."""
-        known = at_law(self.bank, design, terms, tap, total, self.known, self.variance) if self.inverse else self.known
+        gram = without_noise(total, design.noise, len(design.rows[0]))[None]
+        by, none = (terms, design.widths, tap, self.bank.tap_time), np.zeros(len(design.signed))
+
+        def free(known: PriorKnowledge) -> Array:  # without signs and bounds: linear in what is held
+            rules = Rules(known, 0.0, *by).reduction(none, known.fixed, zero, linear_only=True)
+            return solved(gram, 0, len(none) * [0], rules)[0][0]
+
+        law = law_of_u(terms) if self.inverse else None
+        known = at_law(self.bank, design, law, tap, free, self.known, self.variance) if law else self.known
         if not (known or zero):
             return Reductions(None, None)
-        rules = Rules(known, 0.0, terms, design.widths, tap, self.bank.tap_time)
-        gram = without_noise(total, design.noise, len(design.rows[0]))[None]
-        theta, held, pressed = np.zeros(len(design.rows) - 1), rules.held(None), list(zero)
+        rules = Rules(known, 0.0, *by)
+        theta, held, pressed = none, rules.held(None), list(zero)
         found = rules.reduction(theta, held, pressed, linear_only=True)
         for turn in range(_ROUNDS):
             theta = solved(_with_priors(gram, found), 0, _signs(design), found)[0][0]

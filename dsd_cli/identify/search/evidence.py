@@ -1,6 +1,5 @@
 """A set of effects at its delay, what it explains of the recordings, whether one explains surely more than another, and
-which is taken: the one with most evidence, a simpler one, or the commonest of those that tie.
-"""
+which is taken: the one with most evidence, a simpler one, or the commonest of those that tie."""
 
 from __future__ import annotations
 
@@ -135,8 +134,7 @@ class Evidence:
 
     def lead(self, before: Fit, after: Fit) -> float:
         """Evidence that one fit has over another, nats: of a law in noise of the colour of what it leaves, of a line in
-        time or a push by what the past of the residual does not predict.
-        """
+        time or a push by what the past of the residual does not predict."""
         gained = (self.nats(before.loss) - self.nats(after.loss)) / self.by_chance(before, after)
         if _of_time(before) != _of_time(after):
             gained = min(gained, 0.5 * self.equations.counted * math.log(self._news(before) / self._news(after)))
@@ -150,8 +148,7 @@ class Evidence:
     @once
     def by_chance(self, before: Fit, after: Fit) -> float:
         """How many times more the difference of two fits explains by chance of what the second leaves than of noise
-        that is white (at least 1), by Bartlett's formula.
-        """
+        that is white (at least 1), by Bartlett's formula."""
         was, left = (self._left(fit)[self.equations.kept] for fit in (before, after))
         row, noise = after.loss / max(self.equations.counted, 1.0), self.noise
         taken = max(row, noise.variance * noise.inflation)  # what `nats` takes for the variance of a row

@@ -1,7 +1,6 @@
 """Shapes of effects: where a search begins, by what the log exercises and by the lines of the residual's spectrum, and
 how it goes on, by golden section along the logarithms of their parameters, one after the other. Of several effects of
-one kind, whether a log distinguishes two of them.
-"""
+one kind, whether a log distinguishes two of them."""
 
 from __future__ import annotations
 

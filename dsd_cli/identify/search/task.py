@@ -96,8 +96,7 @@ def posed(recordings: Sequence[Recording], model: PlantModel, settings: Settings
 
 def searched_as_is(task: Task) -> tuple[Search, Fit]:
     """(search that is ready to judge on all rows, the set of effects that nothing betters any more), on the motion as
-    the recordings have it. Raises as `pose`.
-    """
+    the recordings have it. Raises as `pose`."""
     parts = excerpts(task.recordings)
     search, whole = _found(task, parts)
     judge, judged = _on_all(task, search, whole)

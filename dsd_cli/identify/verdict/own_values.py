@@ -8,7 +8,9 @@ from dataclasses import dataclass, replace
 
 from dsd_cli.effects import delays_command, get_effect
 from dsd_cli.identify.fit.bank import Term, has_friction
+from dsd_cli.identify.fit.laws_of_u import ONE_COLUMN
 from dsd_cli.identify.fit.row_weights import many_sure
+from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import LEAST_INERTIA, flat, terms_of, units_of
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, Candidate, Estimate, Missing, Score
@@ -17,6 +19,7 @@ from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.search.shapes import refined
 from dsd_cli.identify.search.task import Judge
 from dsd_cli.identify.verdict.discrepancy import Discrepancy, noise_of_u
+from dsd_cli.identify.verdict.probability import changes
 from dsd_cli.identify.verdict.resonance import Resonance, note_on
 from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.golden import golden_section
@@ -90,8 +93,7 @@ def _fitted_values(search: Search, *, missing: bool = False) -> ParameterCheck:
     given = problem.errors.of_model(believed) if said else score
     fitted = problem.values(refit, returned=not _beyond_noise(search, believed), rests=False)
     values = fitted.estimates
-    free = [name for name in (INERTIA, DELAY) if not values[name].held]
-    alone = (_alone(search, believed, name, given, values[name]) for name in free)
+    alone = (_alone(search, believed, n, given, values[n]) for n in (INERTIA, DELAY) if not values[n].held)
     candidates = tuple(sorted(alone, key=lambda c: c.rmse_after))
     between = search.solver.bank.tap_time if noise_of_u(search, refit) else 0.0
     sure = max(_deviations(believed, values, between), key=lambda pair: pair[1], default=("", 0.0))
@@ -105,10 +107,10 @@ def _fitted_values(search: Search, *, missing: bool = False) -> ParameterCheck:
     if wrong == DELAY and 2.0 * abs(values[DELAY].value - believed.delay) < (step := problem.equations.sample_time):
         sure_of_it, said = min(sure_of_it, POLICY.even), (*said, HALF_A_SAMPLE.format(500.0 * step))
     if wrong not in (INERTIA, DELAY):
-        others = () if missing else _instead_of(search, wrong)
+        candidates = (_all_of_an_effect(search, wrong, score, refitted), *candidates)
+    if others := () if missing or wrong == DELAY else _instead_of(search, wrong):
         sure_of_it /= 1 + len(others)
-        own = _all_of_an_effect(search, wrong, score, refitted)
-        candidates = (replace(own, indistinguishable_from=others), *candidates)
+        candidates = tuple(replace(c, indistinguishable_from=others * (c.effect == wrong)) for c in candidates)
     sure_of_it *= not missing
     candidates = tuple(replace(c, probability=sure_of_it if c.effect == wrong else 0.0) for c in candidates)
     return ParameterCheck(score, refitted, candidates, wrong, sure_of_it, said)
@@ -159,19 +161,27 @@ def _explains_the_delay(search: Search, effect: str) -> bool:
     return (least - search.refit.squares) / search.noise.nats < POLICY.least_gain
 
 
-def _instead_of(search: Search, effect: str) -> tuple[str, ...]:
-    """Effects that, with the values of one of the model as given, explain the recordings as well as others of it do: of
-    moves one way a load that is another, and friction that is missing."""
-    held = _holding(search, effect)
+def _instead_of(search: Search, wrong: str) -> tuple[str, ...]:
+    """Effects that, with the inertia or the values of an effect of the model as given, explain the recordings as well,
+    and leave what was given nearer: a load, for friction in moves one way; friction by the load, which is a share of
+    each force where u always drives."""
+    held, given = _holding(search, wrong), search.problem.model.inertia
     least = search.refit.squares + POLICY.least_gain * search.noise.nats
-    return tuple(o.effect for o in held.options(held.refit) if o.fit.squares < least)
+
+    def off(fit: Fit) -> float:
+        return sum(changes(search, fit)) + abs(math.log(search.problem.scale.model(fit).inertia / given))
+
+    as_well = (o for o in held.options(held.refit) if o.fit.squares < least)
+    return tuple(o.effect for o in as_well if off(o.fit) <= off(search.refit))
 
 
-def _holding(search: Search, effect: str) -> Search:
-    """The same search with the values of an effect of the model as given, in the excerpts as well."""
-    known = search.solver.known.holding_effects(search.problem.model, [effect])
-    held = replace(search.problem, solver=search.solver.knowing(known))
-    return Search(held) if search.excerpt is None else Judge(held, _holding(search.excerpt, effect))
+def _holding(search: Search, wrong: str) -> Search:
+    """The same with the inertia, or the values of an effect, of the model as given, in the excerpts as well. A share of
+    all forces can be tested then."""
+    known, problem = search.solver.known.holding_effects(search.problem.model, [wrong]), search.problem
+    shares = (name for name, why in problem.untestable.items() if why == ONE_COLUMN)
+    held = replace(problem, solver=search.solver.knowing(known), candidates=(*problem.candidates, *shares))
+    return Search(held) if search.excerpt is None else Judge(held, _holding(search.excerpt, wrong))
 
 
 def _deviations(believed: PlantModel, values: dict[str, Estimate], between: float) -> list[tuple[str, float]]:

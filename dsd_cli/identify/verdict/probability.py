@@ -16,14 +16,13 @@ import numpy as np
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import has_friction
 from dsd_cli.identify.fit.direction import DRY
-from dsd_cli.identify.fit.laws_of_u import law_of_u
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import Estimates, Missing, Unexplained
 from dsd_cli.identify.search.drift_search import LOOKS_THE_SAME
 from dsd_cli.identify.search.evidence import in_plain_laws
 from dsd_cli.identify.search.sets import Option, Search
-from dsd_cli.identify.verdict.belief import UnnamedLaws, shared_belief, without_imitating
+from dsd_cli.identify.verdict.belief import UnnamedLaws, shared_belief
 from dsd_cli.identify.verdict.discrepancy import (
     Discrepancy,
     above_floor,
@@ -80,18 +79,11 @@ def memberships(search: Search, whole: Fit, beyond: Discrepancy) -> dict[str, Me
     misfit = beyond.unknown or search.problem.reconstructed("velocity")
     laws = UnnamedLaws(search, whole, beyond)
     proven = search.proven(whole)  # rows show the sum of both, as one of them would
-    added = search.added(whole.terms)
-    there = {t: 1.0 if t.id in proven else laws.belief(t, search.without(whole, t)) for t in added}
-    found = {
+    there = {t: 1.0 if t.id in proven else laws.belief(t, search.without(whole, t)) for t in search.added(whole.terms)}
+    return {
         t.id: replace(membership(search, whole, t.id, misfit), there=likely, imitates=laws.imitates(t, likely))
         for t, likely in there.items()
     }
-    if not (search.solver.inverse and (of_u := law_of_u(added))):
-        return found
-    # a share of u is a share of what nobody knows, too: a drive whose gain falls with u makes friction grow with a load
-    part, left = without_imitating(search, whole, {name for name, m in found.items() if m.imitates}, beyond)
-    surest = 1.0 - POLICY.even * unexplained_of(search, part, left).probability
-    return found | {of_u.id: replace(found[of_u.id], surest=min(found[of_u.id].surest, surest))}
 
 
 def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Membership:
@@ -126,8 +118,8 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
         return doubtful or plain.within_left(option.fit, whole, search.problem.floor)
 
     as_well = [o for o in options if misfit and share(o) > POLICY.rival_share_in_misfit and may_be(o)]
-    as_told = _changed(search, whole) + math.log(POLICY.changed_for_name)
-    named = (o for o in as_well if _changed(search, o.fit) <= as_told and not get_effect(o.effect).of_time)
+    as_told = max(changes(search, whole)) + math.log(POLICY.changed_for_name)
+    named = (o for o in as_well if max(changes(search, o.fit)) <= as_told and not get_effect(o.effect).of_time)
     # a speed that wanders turns friction round: that looks like a push
     as_push = member.effect.listed and has_friction(whole.terms) and search.problem.reconstructed("velocity")
     afloat = _of_position(effect_id) and search.problem.reconstructed("position")
@@ -157,10 +149,10 @@ def is_told(effect_id: str, estimates: Estimates) -> bool:
     return not known or every(e.held or abs(e.value) > POLICY.told_deviations * e.std_error for e in known)
 
 
-def _changed(search: Search, fit: Fit) -> float:
-    """The largest |log| of the factors by which a fit changes the sizes of the model's effects, infinite where
-    it takes a force away or turns it round: with a spring in place of a cubic one, a known weight would have to be six
-    times what it was believed to be."""
+def changes(search: Search, fit: Fit) -> list[float]:
+    """The |log| of the factors by which a fit changes the sizes of the model's effects, infinite where it takes a force
+    away or turns it round: with a spring in place of a cubic one, a known weight would have to be six times what it was
+    believed to be."""
     given, found = search.problem.model.effects, search.problem.scale.model(fit).effects
     sizes = [
         (values[p.name], found[name][p.name])
@@ -169,7 +161,7 @@ def _changed(search: Search, fit: Fit) -> float:
         for p in get_effect(name).parameters
         if p.linear and not p.listed and not p.whole_turn and p.name in values
     ]
-    return max((abs(math.log(now / was)) if now * was > 0.0 else math.inf for was, now in sizes if was), default=0.0)
+    return [0.0, *(abs(math.log(now / was)) if now * was > 0.0 else math.inf for was, now in sizes if was)]
 
 
 def _of_position(effect_id: str) -> bool:

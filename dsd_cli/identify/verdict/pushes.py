@@ -109,8 +109,7 @@ def pushes_leave_more(search: Search, whole: Fit) -> bool:
 
 def law_of_pushes(search: Search, fit: Fit) -> str:
     """What the pushes of a fit are a function of, "position" or "time" (they follow each other without a pause); ""
-    where they come as pushes do.
-    """
+    where they come as pushes do."""
     event = next((t for t in fit.terms if t.effect.listed), None)
     if event is None:
         return ""
