@@ -78,9 +78,8 @@ def _bent(one: Parameter, beside: Estimate, step: float, lacks: bool) -> Paramet
         error = math.hypot(error, moved)
         judged = grade(abs(one.value), error, step if one.name == DELAY else math.nan)
     told = beside.value if (bent or lacks) and _GRADES.index(beside.grade) < _GRADES.index(judged) else None
-    return replace(
-        one, identified=judged, std_error=error, beside=told, biased=moved > one.std_error, lacks_force=lacks
-    )
+    one = replace(one, lacks_force=lacks, biased=moved > one.std_error)
+    return replace(one, identified=judged, std_error=error, beside=told)
 
 
 def _drifting(one: Parameter) -> Parameter:
