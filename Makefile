@@ -46,7 +46,8 @@ lint: setup
 check: lint
 	$(BIN)/python -m pytest tests/architecture tests/docs
 
-# dist: the wheel of this machine, with what its compiler makes; dist/pure: the one that runs anywhere, on NumPy
+# dist: the wheel of this machine, with what its compiler makes; dist/pure: the one that runs anywhere, on NumPy. One
+# build makes one wheel (PEP 517), so that `python -m build` alone gives the first, and DSD_PURE=1 the other.
 wheels: setup
 	$(BIN)/python -m pip install -q --disable-pip-version-check build
 	$(BIN)/python -m build --outdir dist

@@ -2,7 +2,7 @@
 The rest is in pyproject.toml.
 
 All are optional: without a compiler `dsd` runs on their Python twins, and `dsd --version` says so. DSD_PURE=1 leaves
-them out: the wheel is one for any machine.
+them out: the wheel is one for any machine (`make wheels` builds both; one `python -m build` makes one wheel).
 """
 
 import os

@@ -196,9 +196,9 @@ def _finding(code: int, said: bytes, folder: Path, before: set[str], arguments: 
 
 
 def _asks(said: bytes) -> bool:
-    """Whether `init` ends in its question, without a u to ask for, or with rows that cannot be read: what it found
-    stands before it."""
-    ends = (b": say it: dsd init ", b": its rows could not be read: ", b": this log has no control input")
+    """Whether `init` ends in its question, without a u or a motion to ask for, or with rows that cannot be read: what
+    it found stands before it."""
+    ends = (b": say it: dsd init ", b": its rows could not be read: ", b": this log has no ", b" or a motion does: ")
     return b"\ndsd: error: " in said and any(one in said.splitlines()[-1] for one in ends)
 
 

@@ -125,10 +125,18 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
     fast = _too_fast(config, result.excitation.top_speed or 0.0)
     asked = [_open_unit(config)] if config.signals.units.assumed else []
     odd = [*fast, *zero_offsets(loaded.log, config.signals), *lone_spikes(loaded.log)]
-    result = replace(result, findings=(*odd, *result.findings, *asked))
+    result = replace(result, findings=(*odd, *_unread(config), *result.findings, *asked))
     if window(config.signals):
         result = replace(result, findings=tuple(_widened(finding) for finding in result.findings))
     return Checked(loaded.log, tuple(loaded.restarts), result)
+
+
+def _unread(config: Config) -> list[Finding]:
+    """Units in the names of columns that the config leaves out: every number of the motion is off by that factor."""
+    from dsd_cli.cli.unit_in_name import left_out
+    from dsd_cli.identify.checks.results import Finding
+
+    return [Finding(one.what, one.channel, "warning", 0.95, one.remedy) for one in left_out(config.signals)]
 
 
 def _open_unit(config: Config) -> Finding:

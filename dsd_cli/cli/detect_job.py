@@ -25,6 +25,7 @@ from dsd_cli.cli.plan import (
 )
 from dsd_cli.cli.progress import Progress
 from dsd_cli.cli.truth import Truth
+from dsd_cli.cli.unit_in_name import left_out
 from dsd_cli.detect.grid import Grid
 from dsd_cli.detect.kernel import active_backend
 from dsd_cli.detect.plan import Plan
@@ -145,7 +146,9 @@ class Job:
             session = self._session(plan)
             with naming(table.name), widening(self.config.signals):
                 self._label_all(table, session, summarizer)
-        return replace(_detection(table, session, summarizer), units=self.config.signals.units)
+        found = _detection(table, session, summarizer)
+        unread = [one.line for one in left_out(self.config.signals) if one.channel in table.columns]
+        return replace(found, units=self.config.signals.units, warnings=(*found.warnings, *unread))
 
     def _session(self, plan: Plan) -> Session:
         # a straight line through positions or speeds would be differentiated into a false d_hat

@@ -11,6 +11,7 @@ from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command
 
 from dsd_cli.cli.coercion import use_plain_coercion
+from dsd_cli.cli.help_text import HelpContext
 from dsd_cli.cli.sharing import with_option
 from dsd_cli.cli.user_effects import TrustOption
 
@@ -55,6 +56,7 @@ def load_command(name: str) -> Any:
     command = get_command(app)
     for one in (command, *getattr(command, "commands", {}).values()):
         use_plain_coercion(one)
+        one.context_class = HelpContext
     return command
 
 
@@ -66,6 +68,8 @@ def _with_trust(command: Any) -> Any:
 
 class LazyGroup(TyperGroup):
     """Lists commands from the table; only the one that is run is imported."""
+
+    context_class = HelpContext
 
     def __init__(self, **attributes: Any) -> None:
         super().__init__(**attributes)

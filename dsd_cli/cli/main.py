@@ -16,6 +16,7 @@ from typer.main import get_command
 from dsd_cli import __version__
 from dsd_cli.cli.coercion import use_plain_coercion
 from dsd_cli.cli.ending import Ended, at_once, end_in_order, leave
+from dsd_cli.cli.help_text import width_of
 from dsd_cli.cli.lazy import LazyGroup
 from dsd_cli.errors import DsdError, printable
 
@@ -160,11 +161,11 @@ def _invoke(arguments: list[str]) -> int:
 
         return shell_complete(group, {}, "dsd", COMPLETE, wanted)
     if not arguments:
-        with group.make_context("dsd", ["x"], resilient_parsing=True) as context:
+        with group.make_context("dsd", ["x"], resilient_parsing=True, terminal_width=width_of(sys.stderr)) as context:
             typer.echo(group.get_help(context), err=True)
         return 2
     try:
-        with group.make_context("dsd", list(arguments)) as context:
+        with group.make_context("dsd", list(arguments), terminal_width=width_of(sys.stdout)) as context:
             group.invoke(context)
     except typer.Exit as leave:
         return int(leave.exit_code)

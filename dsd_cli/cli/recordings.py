@@ -53,6 +53,7 @@ def load_recording(
     """
     from dsd_cli.cli.d_hat_maker import half_said
     from dsd_cli.cli.plan import as_logged, log_columns, naming, observer_of_motion, plant_model, reading
+    from dsd_cli.cli.unit_in_name import left_out
     from dsd_cli.errors import DataError, TooShort
     from dsd_cli.files.config import Observer
     from dsd_cli.files.logs import load_log
@@ -70,7 +71,7 @@ def load_recording(
         loaded = replace(loaded, log=replace(loaded.log, source=f"{loaded.log.source} ({window})"))
     if "d_hat" in loaded.log:
         config.require(Observer)  # which made it
-    lacking = absent(config, columns, loaded)
+    lacking = [*absent(config, columns, loaded), *(one.line for one in left_out(config.signals))]
     loaded = by_updates(loaded)
     _check_channels(loaded.log.source, loaded)
     check_sizes(loaded.log.source, loaded)

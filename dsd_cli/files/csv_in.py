@@ -206,13 +206,13 @@ class CsvTable:
     def _leave_headers_out(self) -> bool:
         """Whether columns end early, its header comes again, or comments stand among its rows: it is read without."""
         content, skip = text_of(self.name)[: self._end], self._dialect.skip
-        if ended := with_ended_columns(content, skip, self.delimiter, len(self._dialect.header.names)):
+        ended = with_ended_columns(content, skip, self.delimiter, len(self._dialect.header.names))
+        if ended and ended[0] != self._content:  # else that text is what could not be read
             self._content, self._end, self._notes = ended[0], None, [*self._notes, ended[1]]
             return True
-        if (found := without_copies_of_head(content, skip)) is None:
-            return False
-        (self._content, self._head), self._end = found, None
-        return True
+        if found := without_copies_of_head(content, skip):
+            (self._content, self._head), self._end = found, None
+        return found is not None
 
     def _explain(self, rows: int, error: Exception) -> DataError:
         return why_unread(self.name, self._content, self._dialect, self._places, rows, error)

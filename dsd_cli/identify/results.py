@@ -211,7 +211,8 @@ class Diagnosis:
     def alone(self, candidate: Candidate) -> Estimates:
         """The values of a candidate fitted without the others; where more than it is missing they have no standard
         error, for the one that the fit gives ignores the bias which the others cause."""
-        more_missing = bool(self.whole_values) or self.verdict == UNKNOWN
+        or_it = not self.found or {candidate.effect, *candidate.indistinguishable_from} & {*self.found, INERTIA, DELAY}
+        more_missing = bool(self.whole_values) or self.verdict == UNKNOWN or not or_it
         return without_errors(candidate.parameters) if more_missing else candidate.parameters
 
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from dsd_cli.identify.compare.balance import Force
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.results import DELAY, INERTIA, Addition, Step
+from dsd_cli.identify.results import DELAY, INERTIA, Addition, Estimates, Step, without_errors
 from dsd_cli.report import terminal
 from dsd_cli.report.diagnosis import plain_table, score_json
 from dsd_cli.report.head import head
@@ -39,6 +39,18 @@ class AdditionReport:
         """What the sensor alone would leave, unit of u; NaN where it is not known."""
         return math.nan if self.force is None else self.force.floor
 
+    @property
+    def lacking(self) -> bool:
+        """Whether more is missing: more is left than the sensor leaves."""
+        return self.result.after.heldout_rmse > POLICY.floor_factor * self.floor
+
+    @property
+    def values(self) -> Estimates:
+        """All that were fitted; where more is missing without standard errors, which know nothing of its bias."""
+        found = self.result.estimates
+        free = {name: one for name, one in found.items() if not one.held}
+        return {**found, **without_errors(free)} if self.lacking else found
+
 
 def caveats(report: AdditionReport) -> tuple[str, ...]:
     """That a unit that nothing says decides what the effect is called, and that more is missing than it.
@@ -47,11 +59,11 @@ def caveats(report: AdditionReport) -> tuple[str, ...]:
     """
     placed = of_place([report.result.effect], report.result.units)
     found = (assumed_text(placed),) if placed else ()
-    left, least = report.result.after.heldout_rmse, POLICY.floor_factor * report.floor
-    if not left > least:
+    if not report.lacking:
         return found
-    over = f"{error(left)} is left, and the sensor alone would leave {error(report.floor)}"
-    return (*found, f"{over}: more is missing, and biases these values beyond their +-; `dsd diagnose` says what")
+    left = error(report.result.after.heldout_rmse)
+    over = f"{left} is left, and the sensor alone would leave {error(report.floor)}"
+    return (*found, f"{over}: more is missing, and biases these values, so without +-; `dsd diagnose` says what")
 
 
 def add_json(report: AdditionReport) -> dict[str, Any]:
@@ -68,8 +80,8 @@ def add_json(report: AdditionReport) -> dict[str, Any]:
         **balance_json(report.band_hz, report.floor, result.units),
         "before": score_json(result.before),
         "after": score_json(result.after),
-        "parameters": estimates_json(own(added_step(result))),
-        "estimates": estimates_json(result.estimates),
+        "parameters": estimates_json(own(replace(added_step(result), estimates=report.values))),
+        "estimates": estimates_json(report.values),
         "correlations": correlations_json(result.correlations),
         "refitted": None if result.refitted is None else score_json(result.refitted),
         "warnings": [*result.warnings, *caveats(report)],
@@ -107,5 +119,6 @@ def print_addition(report: AdditionReport, file: Any) -> None:
     ):
         table.add_row(name, *map(of, scores))
     console.print(table)
-    print_values(console, "values", result.estimates, result.correlations)
+    title = "values, biased by what else is missing, so without +-" if report.lacking else "values"
+    print_values(console, title, report.values, result.correlations)
     print_legend(console, result.units)

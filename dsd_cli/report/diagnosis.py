@@ -163,6 +163,8 @@ def _print_ranking(console: Any, result: Diagnosis, most: int) -> None:
         console.print(
             "  values: of each effect alone, biased by the others that are missing, so without +-; below, all together"
         )
+    elif result.found:
+        console.print("  values: of each effect alone; where what is missing biases them without +-")
     if len(tested) > most:
         console.print(f"  and {len(tested) - most} more candidates (--format json lists them)")
 

@@ -198,3 +198,34 @@ def test_what_a_missing_force_biases_is_said_in_both_values(tmp_path):
     said = " ".join(one["what"] for one in json.loads(ran.stdout)["findings"])
     assert "the fit of [model] as it is gives inertia 0.0104, delay 0, " in said
     assert "and with friction, weight and stiffness fitted as well 0.01, 0.002: a force is missing in [model]" in said
+
+
+@pytest.mark.parametrize(
+    ("names", "said"),
+    [
+        (("pos_deg", "vel_deg_per_s"), {"position": '"deg"', "velocity": '"deg/s"'}),
+        (("position", "speed [rpm]"), {"velocity": '"rpm"'}),
+        (("pos_rad", "vel_rad_s"), {}),
+        (("pos_m", "velocity"), {}),
+    ],
+)
+def test_a_unit_in_the_name_of_a_column_that_the_config_leaves_out_is_said(rig, names, said):
+    """A config made by hand: degrees were read as rad, and an inertia 57 times too small was "identifiable"."""
+    c = servo().channels
+    write(rig, "named.csv", {"t": c["t"], "u": c["u"], names[0]: c["position"], names[1]: c["velocity"]})
+    channels = [f"signals.{k}='{name}'" for k, name in zip(("position", "velocity"), names, strict=True)]
+    columns = [part for one in channels for part in ("--set", one)]
+
+    def found(*more):
+        asked = checked("named.csv", *columns, *more, cwd=rig)["findings"]
+        return {one["channel"]: one["remedy"] for one in asked if " reads like " in one["what"]}
+
+    assert {k: one.partition(", or ")[0] for k, one in found().items()} == {
+        k: f"signals.{k}_unit = {unit}" for k, unit in said.items()
+    }
+    units = [part for k, unit in said.items() for part in ("--set", f"signals.{k}_unit={unit}")]
+    assert found(*units) == {}
+    assert found("--set", "signals.position_scale=0.0175", "--set", "signals.velocity_scale=0.0175") == {}
+    if said:
+        read = done("compare", "named.csv", *columns, cwd=rig).stderr
+        assert read.count(" reads like ") == len(said)

@@ -4,13 +4,17 @@ import json
 import os
 import re
 import shlex
+import shutil
 import subprocess
 import sys
+from collections.abc import Callable, Iterator
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+import yaml
 
 from dsd_cli.cli.fleet_tasks import COMMON
 from dsd_cli.files.fleet_parts import FleetShard, joined
@@ -18,6 +22,9 @@ from dsd_cli.files.fleet_table import Journal, columns_of, write_table
 from tests.cli.rig import CONFIG, done, dsd, make_log, refused, write
 from tests.docs.test_readme_commands import blocks
 
+#: What a step of a pipeline needs, its command, and what it makes.
+Stage = tuple[list[str], str, list[str]]
+Stages = Callable[[str], Iterator[Stage]]
 LOGS, SHARDS = 9, 4
 RUN = ("fleet", "detect", "runs/*.csv", "--workers", "1")
 
@@ -88,23 +95,69 @@ def line_with(word: str, text: str) -> str:
 
 
 def test_all_recipes_run_the_commands_of_the_one_that_is_run() -> None:
-    """Snakemake, DVC, SLURM and GNU parallel need not be there: what they would start is what xargs starts."""
+    """SLURM and GNU parallel need not be there: what they would start is what xargs starts."""
     run = line_with("--shard", recipe("xargs")).partition("-I{} ")[2]
     for i in range(1, SHARDS + 1):
-        wanted, part = shlex.split(run.replace("{}", str(i))), f"parts/part_{i}.parquet"
+        wanted = shlex.split(run.replace("{}", str(i)))
         slurm = line_with("--shard", recipe("#SBATCH"))
         assert sorted(expanded(slurm, i=i, SLURM_CPUS_PER_TASK=1)) == sorted(wanted)
-        smk = json.loads(line_with("--shard", recipe("rule merge")).partition("shell: ")[2])
-        assert sorted(expanded(smk, i=i, output=part)) == sorted(wanted)
-        dvc = line_with("--shard", recipe("foreach")).partition("cmd: ")[2]
-        assert sorted(expanded(dvc, item=i)) == sorted(wanted)
         parallel = line_with("--shard", recipe("parallel")).partition("parallel ")[2]
         words = " ".join(shlex.split(parallel))  # parallel hands its words to a shell
         assert sorted(shlex.split(words.replace("{}", str(i)))) == sorted(wanted)
-    merge = shlex.split(line_with("merge", recipe("xargs")))
-    assert shlex.split(line_with("fleet merge", recipe("foreach")).partition("cmd: ")[2]) == merge
-    smk = json.loads(line_with("fleet merge", recipe("rule merge")).partition("shell: ")[2])
-    assert expanded(smk, input="parts/part_*.parquet", output="results.parquet") == merge
+
+
+def _stages_of_dvc(text: str) -> Iterator[Stage]:
+    """What DVC would run: a stage for each item of its matrix, then the one that needs them."""
+    stages = yaml.safe_load(text)["stages"]
+    for i in stages["shard"]["matrix"]["i"]:
+        made = yaml.safe_load(yaml.safe_dump(stages["shard"]).replace("${item.i}", str(i)))
+        yield made["deps"], made["cmd"], [*made["outs"][0]]
+    yield stages["merge"]["deps"], stages["merge"]["cmd"], stages["merge"]["outs"]
+
+
+def _stages_of_snakemake(text: str) -> Iterator[Stage]:
+    """What Snakemake would run: the rule whose output matches what the first one asks for, once for each, then that."""
+    names = {"Path": Path, "expand": lambda pattern, i: [pattern.format(i=each) for each in i]}
+    rules = dict(re.findall(r"^rule (\w+):\n((?: {4}.*\n)+)", text, flags=re.MULTILINE))
+    merge, shard = (dict(re.findall(r"^ {4}(\w+): (.*)$", rules[one], re.MULTILINE)) for one in ("merge", "shard"))
+    parts, pattern = eval(merge["input"], names), json.loads(shard["output"])
+    for part in parts:
+        (i,) = re.fullmatch(pattern.replace("{i}", "(.+)"), part).groups()
+        needs, one = eval(f"[{shard['input']}]", names), SimpleNamespace(i=i)
+        yield needs, json.loads(shard["shell"]).format(wildcards=one, output=part), [part]
+    to = json.loads(merge["output"])
+    yield parts, json.loads(merge["shell"]).format(input=" ".join(parts), output=to), [to]
+
+
+@pytest.mark.parametrize(
+    ("file", "word", "stages", "engine"),
+    [
+        ("dvc.yaml", "matrix", _stages_of_dvc, "dvc init -q --no-scm; dvc repro"),
+        ("Snakefile", "rule merge", _stages_of_snakemake, "snakemake --cores 2"),
+    ],
+)
+def test_pipelines_make_the_table_of_one_run(
+    fleet: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, file: str, word: str, stages: Stages, engine: str
+) -> None:
+    """By the engine where it is installed; else each of its lines by a shell, with what it says it needs and makes."""
+    shutil.copytree(fleet / "runs", tmp_path / "runs")
+    shutil.copy2(fleet / "dsd.toml", tmp_path)
+    (tmp_path / "parts").mkdir()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("PATH", os.pathsep.join([str(fleet / "bin"), os.environ["PATH"]]))
+    text = recipe(word)
+    assert len(text.splitlines()) <= 10
+    if shutil.which(engine.split()[0]):
+        Path(file).write_text(text, encoding="utf-8")
+        subprocess.run(["sh", "-ec", engine], check=True)
+    else:
+        for needs, command, makes in stages(text):
+            assert all(Path(one).exists() for one in needs)
+            assert not any(Path(one).exists() for one in makes)
+            subprocess.run(["/bin/sh", "-ec", command], check=True)
+            assert all(Path(one).exists() for one in makes)
+    made, one = (pq.read_table(path).drop(["key"]) for path in ("results.parquet", fleet / "one.parquet"))
+    assert made.equals(one)  # but for the keys, which know the folder
 
 
 @pytest.mark.parametrize("text", ["0/4", "5/4", "1", "1/0", "-1/4", "1/4/2", "a/b", "1.0/4", "1/4 "])

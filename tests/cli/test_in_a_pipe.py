@@ -37,6 +37,24 @@ def test_nothing_is_folded(rig: Path, arguments: tuple[str, ...], line: str) -> 
     assert NAME in out or arguments[0] == "diagnose"
 
 
+@pytest.mark.parametrize("command", [(), ("improve",), ("fleet",), ("fleet", "detect")])
+def test_help_is_one_line_each_where_a_program_reads_it(rig: Path, command: tuple[str, ...]) -> None:
+    out = done(*command, "--help", cwd=rig).stdout
+    lines = out[out.index("Options:") :].splitlines()[1:]
+    assert all(re.match(r"  (-|[a-z])|$|Commands:$", line) for line in lines), out  # none goes on from the one before
+    assert ("for --from-prior." in out) == (command == ("improve",))
+
+
+@pytest.mark.parametrize("columns", [50, 64, 80])
+def test_help_on_a_terminal_cuts_no_name(rig: Path, columns: int) -> None:
+    with terminal("improve", "--help", cwd=rig, columns=columns, lines=140) as shown:
+        shown.finish()
+        lines = [line.rstrip() for line in shown.text.splitlines()]
+        assert max(map(len, lines)) <= columns
+        assert not [line for line in lines if line.endswith("-")]
+        assert any(re.search(r"--from-prior\b", line) and "--from-prior   " not in line for line in lines)
+
+
 def test_a_terminal_folds_between_words(rig: Path) -> None:
     with terminal("check", NAME, "--set", "signals.u_sign=-1", cwd=rig, columns=70) as shown:
         shown.finish()

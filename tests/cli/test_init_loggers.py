@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
+from dsd_cli.errors import DataError
 from dsd_cli.files.sample import sample
 from dsd_cli.files.tables_in import open_table
 from tests.cli.test_init_walked import chosen, proposed, roles
@@ -70,6 +71,17 @@ def test_channels_of_a_slower_task_end_before_the_others(tmp_path: Path) -> None
     read = list(log.batches())
     assert np.concatenate([batch.columns["position"] for batch in read]) == pytest.approx(AXIS["q"], abs=1e-6)
     assert "columns end before the others: 4 to 5 in line 1505" in log.warnings
+
+
+def test_a_cell_that_is_no_number_is_said_where_columns_end_early(tmp_path: Path) -> None:
+    """The text with the cells that lack was made again for the same cell, a thousand times."""
+    path = _scope(tmp_path)
+    lines = path.read_bytes().split(b"\r\n")
+    lines[700] = lines[700].replace(b",", b"\x08y,", 1)
+    path.write_bytes(b"\r\n".join(lines))
+    log = open_table(str(path), {"t": "time", "u": "ActTorque"})
+    with pytest.raises(DataError, match="line 701"):
+        list(log.batches())
 
 
 def test_the_header_is_found_above_the_rows_of_all_groups(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ import os
 import shutil
 import subprocess
 import sys
-import sysconfig
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -24,8 +24,9 @@ def run(*command: object, cwd: Path, **environment: str) -> str:
 @pytest.fixture(scope="module")
 def source(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """What a clone has: no library that was compiled in place."""
-    setuptools = pytest.importorskip("setuptools", minversion="77", reason="pip install 'setuptools>=77' wheel")
-    assert setuptools
+    assert int(version("setuptools").partition(".")[0]) >= 77, (
+        "an older environment: make setup brings what [dev] names"
+    )
     here = tmp_path_factory.mktemp("wheels") / "source"
     left = shutil.ignore_patterns("*.so", "__pycache__")
     shutil.copytree(ROOT / "dsd_cli", here / "dsd_cli", ignore=left)
@@ -48,7 +49,8 @@ def test_a_wheel_that_is_installed_by_itself_runs(source: Path, pure: str, tag: 
     run(sys.executable, "-m", "venv", "--without-pip", away, cwd=source.parent)
     run(*pip, "--python", away / "bin/python", "install", "--no-deps", "--no-index", wheel, cwd=source.parent)
     (site,) = away.glob("lib/python*/site-packages")
-    (site / "needed.pth").write_text(sysconfig.get_path("purelib") + "\n")  # NumPy, Arrow, ... as pip would bring them
+    here = [path for path in sys.path if path.endswith("site-packages")]
+    (site / "needed.pth").write_text("\n".join(here) + "\n")  # NumPy, Arrow, ... as pip would bring them
     dsd = away / "bin/dsd"
     where = run(away / "bin/python", "-c", "import dsd_cli; print(dsd_cli.__file__)", cwd=source.parent)
     assert Path(where.strip()).is_relative_to(site)

@@ -42,6 +42,9 @@ def test_what_is_a_finding(tmp_path):
 
     assert judged(0, b"") == ""
     assert judged(1, b"dsd: error: x.csv: no such file\n") == ""
+    still = b'x.csv: t, v\ndsd: error: this log has no motion that changes: "v" is 0 in all rows; dsd needs one'
+    one = b'x.csv: t\ndsd: error: x.csv: only "u" changes as a control input or a motion does: dsd needs one of each'
+    assert judged(1, still) == judged(1, one) == ""  # `init` says what it found first
     bad = [
         *((-11, b""), (1, b""), (4, b"dsd: error: x"), (1, b"Traceback (most recent call last)")),
         *((1, b"dsd: error: unexpected ValueError"), (1, b"dsd: error: \x1b[2J"), (1, b"dsd: error: \xc2\x9b")),

@@ -391,3 +391,18 @@ def test_effects_that_are_not_testable_for_one_reason_are_one_line() -> None:
     last = DIAGNOSIS.ranking[-1]
     twice = replace(DIAGNOSIS, ranking=(*DIAGNOSIS.ranking, replace(last, effect="cogging")))
     assert "not testable: gravity, cogging: the log has no position [yet]" in shown(DiagnosisReport(twice))
+
+
+def test_a_candidate_beside_what_is_missing_has_no_error() -> None:
+    """Weight beside friction that the model lacks was "0.049 +- 0.009", of an axis that has none."""
+    found = replace(DIAGNOSIS, found=("coulomb_friction",))
+    errors = {one.effect: [e.std_error for e in found.alone(one).values()] for one in RANKING}
+    assert errors["coulomb_friction"] == [0.03]
+    assert errors["inertia"] == [0.1]
+    assert all(map(np.isnan, [*errors["stribeck_friction"], *errors["viscous_asymmetry"]]))
+    tied = replace(RANKING[2], indistinguishable_from=("coulomb_friction",))
+    assert [e.std_error for e in found.alone(tied).values()] == [2e-6]
+    assert [e.std_error for e in NOTHING.alone(RANKING[2]).values()] == [2e-6]
+    out = io.StringIO()
+    print_table(replace(REPORT, result=found), out)
+    assert "values: of each effect alone; where what is missing biases them without +-" in out.getvalue()

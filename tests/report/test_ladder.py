@@ -191,13 +191,14 @@ def test_an_addition() -> None:
         0.402,
         0.113,
     ]
-    assert result["parameters"] == {"level": {"value": 0.52, "std_error": 0.03, "unit": "u", "at_bound": False}}
+    level = {"value": 0.52, "std_error": None, "unit": "u", "at_bound": False}  # 0.113 is left over a floor of 0.02
+    assert result["parameters"] == {"level": level}
     out = io.StringIO()
     print_addition(ADDED, out)
     first, *rest = out.getvalue().splitlines()
     assert first == "coulomb_friction added: held-out force error below 31.4 Hz: 0.402 -> 0.113 unit of u (-72 %)"
     (inertia,) = (line.split() for line in rest if line.split()[:1] == ["inertia"])
-    assert inertia == ["inertia", "1.020", "0.002", "kg", "m2"]
+    assert inertia == ["inertia", "1.02", "-", "kg", "m2"]
     unknown = json.loads(json.dumps(add_json(replace(ADDED, force=None)), allow_nan=False))
     assert (unknown["unit"], unknown["band_hz"], unknown["floor"]) == ("unit of u", None, None)
 
@@ -255,5 +256,12 @@ def test_a_ladder_has_the_values_of_the_end() -> None:
 def test_an_addition_says_that_more_is_missing(left: float, said: bool) -> None:
     """The sensor alone would leave 0.02: beside what is left above that no standard error holds."""
     after = replace(ADDITION.after, heldout_rmse=left)
-    warnings = add_json(replace(ADDED, result=replace(ADDITION, after=after)))["warnings"]
-    assert any("more is missing, and biases these values" in line for line in warnings) is said
+    added = replace(ADDED, result=replace(ADDITION, after=after))
+    found = add_json(added)
+    assert any("more is missing, and biases these values" in line for line in found["warnings"]) is said
+    values = [*found["estimates"].values(), *found["parameters"].values()]
+    assert all((one["std_error"] is None) is said for one in values if not one.get("held"))
+    out = io.StringIO()
+    print_addition(added, out)
+    assert ("biased by what else is missing, so without +-" in out.getvalue()) is said
+    assert ("0.52   0.03  u" in out.getvalue()) is not said

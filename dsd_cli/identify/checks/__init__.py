@@ -116,14 +116,11 @@ def _fails(found: Sequence[Finding]) -> bool:
 
 
 def _unusable(view: View) -> list[Finding]:
-    found = []
-    if not view.stretches:
-        what = f"{len(view.log)} samples without a stretch of {SHORTEST}"
-        found.append(Finding(what, "log", "error", 1.0, "a longer log is needed"))
-    if not any(name in view.log for name in ("d_hat", "velocity", "position")):
-        what = "neither d_hat nor velocity nor position"
-        found.append(Finding(what, "log", "error", 1.0, "name one of their columns in [signals]"))
-    return found
+    what = f"{len(view.log)} samples without a stretch of {SHORTEST}"
+    found = [] if view.stretches else [Finding(what, "log", "error", 1.0, "a longer log is needed")]
+    what, remedy = "neither d_hat nor velocity nor position", "name one of their columns in [signals]"
+    bare = not {"d_hat", "velocity", "position"} & view.log.channels.keys()
+    return [*found, Finding(what, "log", "error", 1.0, remedy)] if bare else found
 
 
 def _leaning(parameters: Sequence[Parameter]) -> list[Finding]:
@@ -155,14 +152,15 @@ def _bent(parameters: Sequence[Parameter]) -> list[Finding]:
     """What the model's values would be if it had the forces that it lacks; without instruments it need not lack any."""
     found = []
     for lacks_force in (True, False):
-        bent = [one for one in parameters if one.beside is not None and one.lacks_force == lacks_force]
-        if not bent:
+        if not (bent := [one for one in parameters if one.beside is not None and one.lacks_force == lacks_force]):
             continue
+        cause, remedy = "a force is missing in [model]", "dsd diagnose says which"
         if lacks_force:
-            cause = f"a force is missing in [model] and biases the first {'value' if len(bent) == 1 else 'values'}"
-            remedy = "dsd diagnose says which"
+            for does, biased in (("biases", True), ("widens the +- of", False)):
+                names = " and ".join(one.name for one in bent if one.biased is biased)
+                cause += f" and {does} {names}" if names else ""
         else:
-            cause = "a force is missing in [model], or the controller answers noise of the sensor"
+            cause += ", or the controller answers noise of the sensor"
             remedy = "a signals.reference that the axis follows closely decides"
         first = ", ".join(f"{one.name} {one.value:.3g}" for one in bent)
         then = ", ".join(f"{one.beside:.3g}" for one in bent)

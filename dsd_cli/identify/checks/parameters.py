@@ -67,7 +67,7 @@ def _parameter(name: str, one: Estimate, tied: tuple[str, ...]) -> Parameter:
     return Parameter(name, cast(Grade, judged), one.value, error, one.unit, tied)
 
 
-def _bent(one: Parameter, beside: Estimate, step: float, lacks_force: bool) -> Parameter:
+def _bent(one: Parameter, beside: Estimate, step: float, lacks: bool) -> Parameter:
     """An inertia or a delay that takes the place of a force that the model lacks is wrong by what that moves it.
 
     `beside` : the same with friction, weight and springs of any size beside the model. Noise that a controller answers
@@ -77,9 +77,9 @@ def _bent(one: Parameter, beside: Estimate, step: float, lacks_force: bool) -> P
     if bent := moved > _BENT * beside.std_error:
         error = math.hypot(error, moved)
         judged = grade(abs(one.value), error, step if one.name == DELAY else math.nan)
-    better = _GRADES.index(beside.grade) < _GRADES.index(judged)
-    told = beside.value if better and (bent or lacks_force) else None
-    return replace(one, identified=judged, std_error=error, beside=told, lacks_force=lacks_force)
+    told = beside.value if (bent or lacks) and _GRADES.index(beside.grade) < _GRADES.index(judged) else None
+    one = replace(one, lacks_force=lacks, biased=moved > one.std_error)
+    return replace(one, identified=judged, std_error=error, beside=told)
 
 
 def _drifting(one: Parameter) -> Parameter:

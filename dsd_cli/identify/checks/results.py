@@ -65,7 +65,7 @@ class Parameter:
     unit : with {u}, {v}, {q} for the units of the channels.
     tied_to : parameters that this log cannot distinguish from it (`POLICY.tied_correlation`).
     beside : the value with friction, weight and springs of any size beside the model, where that is so far off that it
-        is less well known; `std_error` counts the difference. Else None.
+        is less well known; `std_error` counts the difference. Else None. biased : beyond its own error.
     lacks_force : with those forces most of what is left is gone, so that one is missing; otherwise noise that the
         controller answers may be what `beside` is off by.
     leaning : what least squares makes of it where noise that the controller answers bends that, so that `value` is by
@@ -79,6 +79,7 @@ class Parameter:
     unit: str = ""
     tied_to: tuple[str, ...] = ()
     beside: float | None = None
+    biased: bool = False
     lacks_force: bool = False
     leaning: float | None = None
 
