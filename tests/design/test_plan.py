@@ -288,10 +288,10 @@ def test_forces_that_cancel_out_where_a_poor_log_has_been_are_not_planned_for() 
     plan = asked.plan(seconds=(5.0,))
     exact = asked.moved(plan)
     assert asked.exceeded(plan, exact) == {}
-    # 1 of an axis that stands; over the cogging it goes in jerks
+    # 1 of an axis that stands, or that a force which is not there drives
     t = np.arange(len(plan.motion.position)) * plan.motion.step
     planned = np.interp(exact.t, t, plan.motion.velocity)
-    assert np.sqrt(np.mean((exact.v - planned) ** 2)) < 0.8 * np.sqrt(np.mean(planned**2))
+    assert np.sqrt(np.mean((exact.v - planned) ** 2)) < 0.2 * np.sqrt(np.mean(planned**2))
 
 
 LIMITS = [
