@@ -9,11 +9,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.design.closed_loop import Loop
+from dsd_cli.design.left_open import FARTHEST, WIDEST, Left, changed, slope_of
 from dsd_cli.design.limits import Limits
-from dsd_cli.design.rows import Model, at_rest, shapes_of
-from dsd_cli.effects import Channels, Role, catalogue, get_effect, is_angle
-from dsd_cli.identify.fit.bank import FIXED, SHARE
-from dsd_cli.identify.fit.bank import INERTIA as AT_INERTIA
+from dsd_cli.design.rows import Model, at_rest
+from dsd_cli.effects import Channels, Effect, Role, catalogue, get_effect, is_angle
 from dsd_cli.identify.fit.covariance import root_of
 from dsd_cli.identify.fit.direction import LOAD
 from dsd_cli.identify.fit.priors import Grade
@@ -25,9 +24,9 @@ from dsd_cli.plant.model import PlantModel
 from dsd_cli.signals.log import Array
 
 #: Draws of the values of an explanation: one more goes beyond all of them less often than once in a hundred. Their
-#: seed; standard errors to what may be; share by which a value changes at most; share of the largest u that drag and
-#: friction which grow with the speed take at the limit of speed, for drives are sized for more than that.
-DRAWS, _SEED, _FARTHEST, _WIDEST, _GROWN = 100, 20261123, 2.0, 0.5, 0.25
+#: seed; share of the largest u that drag and friction which grow with the speed take at the limit of speed, for drives
+#: are sized for more than that.
+DRAWS, _SEED, _GROWN = 100, 20261123, 0.25
 
 
 @dataclass(frozen=True)
@@ -82,29 +81,28 @@ def draws_of(search: Search, fit: Fit, doubtful: bool, own: Collection[str]) -> 
     which nothing says that it is there beside the others, is in no plant (u would be planned for it), but for its own.
     """
     values, scale = search.problem.values(fit), search.problem.scale
-    told, fit, covariance = values.estimates, values.fit, values.covariance
+    told, fit, left = values.estimates, values.fit, Left.by(search, values)
     random = np.random.default_rng(_SEED)
     left_open: tuple[Grade, ...] = ("weak", "not") if doubtful else ("not",)
     stays = {n for n, e in told.items() if e.grade in left_open or (doubtful and n == DELAY)}
     given = {n: v for n, v in flat(search.problem.model).items() if n in stays}
-    left = _Left(covariance, np.zeros(len(covariance)))
     here = flat(scale.model(fit))
     for name, value in given.items():
         if name != DELAY and name in here:
-            left = left.where(_slope(search, fit, name, len(covariance)), value - here[name])
+            left = left.where(slope_of(search, fit, name, len(left.mean)), value - here[name])
     beside = {n for n in told if n not in given and n.partition(".")[0] not in own}
     forces = [n for n in told if n in beside and told[n].grade in left_open and _is_force(n)]
     for name in sorted(forces, key=lambda n: abs(told[n].value) / max(told[n].std_error, 1e-300)):
-        row = _slope(search, fit, name, len(covariance))
+        row = slope_of(search, fit, name, len(left.mean))
         if left.may_be(row, -here[name]):
             left = left.where(row, -here[name])
     mean, linear = left.mean.copy(), len(fit.total)
-    mean[linear:] = np.clip(mean[linear:], -_WIDEST, _WIDEST)
-    middle, spread = _changed(fit, mean), root_of(left.covariance)
+    mean[linear:] = np.clip(mean[linear:], -WIDEST, WIDEST)
+    middle, spread = changed(fit, mean), root_of(left.covariance)
     yield scale.model(middle).with_values(given)
     for _ in range(DRAWS - 1):
         change = left.within(spread @ random.standard_normal(len(spread)), middle)
-        yield scale.model(_changed(middle, change)).with_values(given)
+        yield scale.model(changed(middle, change)).with_values(given)
 
 
 def held(
@@ -115,13 +113,21 @@ def held(
     as in one valley of a cogging that has no mean: so are the draws. And a plant in which it, and the mean (a part of a
     long wave), comes and goes with the place: a force that stays makes a held axis no faster.
 
+    Forces of the model are there as the model has them, and as fitted in the draws alone: beside one that nobody has
+    named they take its part, and where the logs have not been nothing says that it goes on like them (in one valley of
+    a cogging a weight of a hundred times its own).
+
     unexplained : share of u that what was found leaves beyond the noise. This one lacks that, and what was found.
     """
-    lacks, beside = _lacking(search, one.fitted, found, unexplained)
-    most = max(_WIDEST * abs(lacks), math.sqrt(2.0) * beside)  # a sine goes as far as the root of 2 times its rms
-    forces = [lacks, *np.linspace(lacks - most, lacks + most, len(one.draws) - 1).tolist()]
-    first = replace(one, draws=tuple(_pushed(plant, x) for plant, x in zip(one.draws, forces, strict=True)))
-    return first, _waved(first.fitted, math.sqrt(2.0) * math.hypot(lacks, beside), search.ranges.travel, start)
+    known, (fitted, *others) = search.problem.model.effects, one.draws
+    own = replace(fitted, effects={n: known[n] if acts(n) else v for n, v in fitted.effects.items()})
+    (lacks, beside), (mean, rest) = (_lacking(search, plant, found, unexplained) for plant in (own, fitted))
+    most = max(WIDEST * abs(mean), math.sqrt(2.0) * rest)  # a sine goes as far as the root of 2 times its rms
+    forces = np.linspace(mean - most, mean + most, len(others)).tolist()
+    first = _pushed(own, lacks)
+    draws = (first, *(_pushed(plant, x) for plant, x in zip(others, forces, strict=True)))
+    wave = _waved(first, math.sqrt(2.0) * math.hypot(lacks, beside), search.ranges.travel, start)
+    return replace(one, draws=draws), wave
 
 
 def falling(search: Search, one: PlantModel, found: Fit, unexplained: float) -> tuple[PlantModel, ...]:
@@ -145,10 +151,10 @@ def falling(search: Search, one: PlantModel, found: Fit, unexplained: float) -> 
 
 
 def grown(search: Search, one: Explanation, limits: Limits, loop: Loop) -> tuple[PlantModel, ...]:
-    """Plants in which beside that a force grows with the speed, as large as slow logs leave open (`_FARTHEST`), but at
+    """Plants in which beside that a force grows with the speed, as large as slow logs leave open (`FARTHEST`), but at
     the limit of speed no larger than machines have it (`_GROWN`), nor than half of the loop's damping: an axis that
     takes more off it would be held by no such loop."""
-    found, most = list[PlantModel](), min(_GROWN * limits.u, _WIDEST * loop.controller.gains.kd * limits.velocity)
+    found, most = list[PlantModel](), min(_GROWN * limits.u, WIDEST * loop.controller.gains.kd * limits.velocity)
     for option in search.options(one.fit) if most > 0.0 else ():
         law = get_effect(option.effect)
         if (law.role, law.needs, law.memory, len(law.parameters)) != (Role.APPLIED, ("velocity",), False, 1):
@@ -156,7 +162,7 @@ def grown(search: Search, one: Explanation, limits: Limits, loop: Loop) -> tuple
         ((size,), (column,)) = law.parameters, law.columns(Channels(0.0, 0.0, limits.velocity, 0.0), {})
         told = search.problem.values(option.fit).estimates[f"{option.effect}.{size.name}"]
         end = most / max(abs(float(column)), 1e-300)
-        away = _FARTHEST * float(np.nan_to_num(told.std_error, nan=math.inf))
+        away = FARTHEST * float(np.nan_to_num(told.std_error, nan=math.inf))
         ends = np.clip((told.value - away, told.value + away), max(size.lower, -end), end)
         found += [
             replace(one.fitted, effects={**one.fitted.effects, option.effect: {size.name: x}}) for x in ends.tolist()
@@ -191,78 +197,35 @@ def _pushed(plant: PlantModel, force: float) -> PlantModel:
     return replace(plant, effects={**plant.effects, LOAD: {size: known[size] + force}})
 
 
+def wave_law() -> tuple[Effect, tuple[str, ...]]:
+    """(the effect that is a sine of the position, name of its pace)."""
+    wave = next(e for e in catalogue().values() if e.join and e.needs and e.periods)
+    return wave, tuple(p.name for p in wave.parameters if not p.linear and not p.whole_turn)
+
+
 def _waved(plant: PlantModel, size: float, way: float, start: float) -> PlantModel:
     """With a sine of the position, that pushes the axis on whichever way it leaves the start. Half a wave is as long as
     the way of the logs: of a longer one they would show a constant, and a shorter one gives less speed."""
-    wave = next(e for e in catalogue().values() if e.join and e.needs and e.periods)
+    wave, (shape,) = wave_law()
     if not way > 0.0 or wave.join is None:
         return plant
-    (shape,) = (p.name for p in wave.parameters if not p.linear)
     pace = math.pi / way
     parts = size * math.cos(pace * start), -size * math.sin(pace * start)
     return replace(plant, effects={wave.id: wave.join(parts, {shape: pace}, plant.inertia), **plant.effects})
 
 
-@dataclass(frozen=True)
-class _Left:
-    """What logs leave open of coefficients and logarithms of shapes: normal around a change, shape (m,), of the fit."""
-
-    covariance: Array
-    mean: Array
-
-    def where(self, row: Array, value: float) -> _Left:
-        """Given that row @ change is this; as it is where that is no matter of these unknowns."""
-        along = self.covariance @ row
-        variance, off = float(row @ along), value - float(row @ self.mean)
-        if not variance > 0.0:
-            return self
-        return _Left(self.covariance - np.outer(along, along) / variance, self.mean + along * (off / variance))
-
-    def may_be(self, row: Array, value: float) -> bool:
-        """Whether row @ change may be this, by what the logs leave open."""
-        off = value - float(row @ self.mean)
-        return off**2 <= _FARTHEST**2 * float(row @ self.covariance @ row)
-
-    def within(self, change: Array, fit: Fit) -> Array:
-        """The likeliest change beside one of which each part is no more than a share of the value."""
-        most = _most(fit, len(change))
-        covariance = self.covariance
-        for _ in range(len(change)):
-            beyond = np.abs(change) - most
-            i = int(np.argmax(beyond / np.maximum(most, 1e-300)))
-            if not (beyond[i] > 0.0 and (along := covariance[:, i])[i] > 0.0):
-                break
-            change = change + along * ((math.copysign(most[i], change[i]) - change[i]) / along[i])
-            covariance = covariance - np.outer(along, along) / along[i]
-        return np.clip(change, -most, most)
+def acts(effect: str) -> bool:
+    """Whether an effect is a force."""
+    return get_effect(effect).role in (Role.APPLIED, Role.FRICTION)
 
 
 def _is_force(name: str) -> bool:
     """Whether a value is the size of a force."""
     effect, _, value = name.partition(".")
-    found = get_effect(effect) if value else None
-    if found is None or found.role not in (Role.APPLIED, Role.FRICTION):
+    if not value or not acts(effect):
         return False
-    size = found.parameter(value)
+    size = get_effect(effect).parameter(value)
     return size.linear and not size.listed and not size.whole_turn
-
-
-def _most(fit: Fit, size: int) -> Array:
-    """By how much coefficients (all of an effect by a share of its size) and logarithms of shapes may change."""
-    parts = np.split(fit.total[FIXED:], np.cumsum(fit.widths)[:-1]) if fit.widths else []
-    sizes = [np.abs(fit.total[:FIXED]), *(np.full(len(c), np.linalg.norm(c)) for c in parts)]
-    most = _WIDEST * np.concatenate([*sizes, np.ones(size - len(fit.total))])
-    most[SHARE] = 1.0
-    return np.asarray(most)
-
-
-def _changed(fit: Fit, change: Array) -> Fit:
-    """A fit with other coefficients, and logarithms of shapes."""
-    linear = len(fit.total)
-    terms = list(fit.terms)
-    for (i, name, value), step in zip(shapes_of(fit.terms), change[linear:], strict=True):
-        terms[i] = type(terms[i]).of(terms[i].id, {**terms[i].shape, name: value * math.exp(step)})
-    return replace(fit, total=fit.total + change[:linear], terms=tuple(terms))
 
 
 def values_of(search: Search, first: Explanation, wanted: Sequence[str] | None) -> tuple[Value, ...]:
@@ -275,21 +238,5 @@ def values_of(search: Search, first: Explanation, wanted: Sequence[str] | None) 
     for name in wanted:
         value, error = estimates[name].value, estimates[name].std_error
         size = search.problem.recordings[0].sample_time if name == DELAY else abs(plant[name] or value)
-        found.append(Value(name, size, error, _slope(search, first.fit, name, first.model.size - 1)))
+        found.append(Value(name, size, error, slope_of(search, first.fit, name, first.model.size - 1)))
     return tuple(found)
-
-
-def _slope(search: Search, fit: Fit, name: str, size: int) -> Array:
-    """Of a value over coefficients and logarithms of shapes, numerical, shape (m,)."""
-    total = np.abs(fit.total)
-    steps = np.concatenate([1e-4 * np.maximum(total, 1e-3 * total[AT_INERTIA]), np.full(size, 1e-4)])[:size]
-    steps[SHARE] = 1e-3
-    found = np.zeros(size)
-    for i, step in enumerate(steps):
-        if not step > 0.0:  # a coefficient of 0 beside an inertia of 0
-            continue
-        change = np.zeros(size)
-        change[i] = step
-        more, less = (flat(search.problem.scale.model(_changed(fit, x)))[name] for x in (change, -change))
-        found[i] = (more - less) / (2.0 * step)
-    return found

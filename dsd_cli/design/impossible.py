@@ -10,7 +10,6 @@ from itertools import product
 
 import numpy as np
 
-from dsd_cli.design.explanations import Explanation
 from dsd_cli.design.inverse import Path, actuated, command_for
 from dsd_cli.design.limits import TooNarrowError
 from dsd_cli.design.measure import ENOUGH, Measure
@@ -65,7 +64,8 @@ def able_to_move(
     where a poor log has been, an asymmetry that a crawl leaves open. And without those whose motor is next to nothing
     of the inertia and swings faster than samples show: no log speaks for that, and its simulation takes minutes.
 
-    believed : the user's model, in the place of its own fit where nobody knows what that lacks.
+    Where nobody knows what is missing the first stays without its draws, which have the forces of the model as fitted,
+    if they are no axis; believed : the user's model, if it is none itself.
     far : whether that is far from where the logs were, and nobody asked for what: a weight there is a cogging as well.
 
     Raises
@@ -77,28 +77,28 @@ def able_to_move(
     still = Path(1.0, np.linspace(room.limits.low, room.limits.high, _PLACES), np.zeros(_PLACES), np.zeros(_PLACES))
     reached = allowed if room.reached is None else max(allowed, room.reached.u)
 
-    def holds(one: Explanation, most: float, speed: float = 0.0) -> bool:
+    def holds(plant: PlantModel, most: float, speed: float = 0.0) -> bool:
         ways = ((way, replace(still, velocity=np.full(_PLACES, way * speed))) for way in (1.0, -1.0))
-        return all(float((way * command_for(one.fitted, there, 3.0 * most)).min()) > -most for way, there in ways)
+        return all(float((way * command_for(plant, there, 3.0 * most)).min()) > -most for way, there in ways)
 
-    def moves(one: Explanation, most: float) -> bool:
-        bare = one.fitted.motor_inertia < _NO_MOTOR * one.fitted.inertia
-        if bare and Plant(one.fitted).resonance * sample_time > math.pi:
+    def moves(plant: PlantModel, most: float, *, weak: bool = False) -> bool:
+        bare = plant.motor_inertia < _NO_MOTOR * plant.inertia
+        if bare and Plant(plant).resonance * sample_time > math.pi:
             return False
-        u = command_for(one.fitted, path, 3.0 * most)
-        passed = actuated(one.fitted, u, path.step).any()  # a dead zone beyond what saturates lets none of it act
-        held = not one.weak or all(holds(one, most, speed) for speed in (0.0, room.limits.velocity))
+        u = command_for(plant, path, 3.0 * most)
+        passed = actuated(plant, u, path.step).any()  # a dead zone beyond what saturates lets none of it act
+        held = not weak or all(holds(plant, most, speed) for speed in (0.0, room.limits.velocity))
         return bool(passed) and held and float(np.abs(u).max()) < ROOM * most
 
-    if far and not holds(targets.explanations[0], reached):
+    if far and not holds(targets.explanations[0].fitted, reached):
         raise DataError("u could not hold this axis where its limits let it stand", "give narrower --limit position")
-    able = [moves(e, reached) for e in targets.explanations]
-    if not able[0] and targets.unknown:
-        first = replace(targets.explanations[0], draws=(believed,), weak=False)
-        others, beside = targets.explanations[1:], targets.beside[1:]
-        targets = replace(targets, explanations=(first, *others), beside=(believed, *beside))
-        able[0] = moves(first, reached)
-    if not moves(targets.explanations[0], allowed):
+    if targets.unknown:
+        first, *others = targets.explanations
+        if not all(moves(x, reached, weak=first.weak) for x in first.draws[1:]):  # as fitted it is no axis
+            first = replace(first, draws=first.draws[:1] if moves(first.fitted, reached) else (believed,))
+        targets = replace(targets, explanations=(replace(first, weak=False), *others))
+    able = [moves(e.fitted, reached, weak=e.weak) for e in targets.explanations]
+    if not moves(targets.explanations[0].fitted, allowed, weak=targets.explanations[0].weak):
         said = f"u within {allowed:.3g}, its limit less its noise in the logs, does not move this axis"
         raise (TooNarrowError if able[0] else DataError)(said, "widen --limit u, or take another --start")
     return within_reach(targets, able)

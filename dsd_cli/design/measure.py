@@ -86,6 +86,14 @@ class Measure(Expectation):
         near = np.any(left - left.min(axis=0) < ENOUGH, axis=1)
         return tuple(i for i, one in enumerate(near) if self.targets.doubtful or one)
 
+    @property
+    def leading(self) -> int:
+        """Place of the explanation whose u is fed forward: the first, but where it does not explain the logs to their
+        noise the one that does: an axis that is held by what it is not stands off, and is driven on."""
+        left = [self.search.nats(e.fit.loss) for e in self.targets.explanations]
+        best = int(np.argmin(left))
+        return best if left[best] < ENOUGH < left[0] - left[best] else 0
+
     def without(self, names: Sequence[str]) -> Measure:
         """The same without these targets."""
         return Measure(self.search, self.targets, self.draws, self.open - set(names), self._limits) if names else self

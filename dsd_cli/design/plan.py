@@ -166,7 +166,7 @@ class _Asked:
         room, loops, targets, most = self.room, self._loops(measure), measure.targets, self.room.limits.u
         allowed = room.limits if self.wanted.controller else slowed(room.limits, ROOM)  # other gains answer differently
         targets = replace(targets, grown=grown(self.search, targets.explanations[0], room.limits, loops[-1]))
-        plants, led = plants_of(targets, measure.likely, joined(parts, room), room, loops)
+        plants, led = plants_of(targets, measure.likely, joined(parts, room), room, loops, measure.leading)
         kept = verified(targets, plants, led, parts, room, loops, allowed)
         whole, first = TIMES * kept.parts, kept.runs[0, 0, 0]
         like, position = measure.like, joined(whole, room)

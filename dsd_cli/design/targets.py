@@ -2,21 +2,27 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
 
-from dsd_cli.design.explanations import Explanation, Value, draws_of, explanation_of, falling, held, values_of
+from dsd_cli.design.explanations import Explanation, Value, acts, draws_of, explanation_of, falling, held, values_of
+from dsd_cli.design.explanations import wave_law as law_of_a_wave
 from dsd_cli.effects import Role, find_effect, get_effect
 from dsd_cli.errors import UsageError
+from dsd_cli.identify.fit.bank import Term
+from dsd_cli.identify.fit.direction import LOAD
 from dsd_cli.identify.fit.solve import Fit
+from dsd_cli.identify.fit.testability import Settings
 from dsd_cli.identify.fit.values import flat
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY, INERTIA, NONE, UNKNOWN, Diagnosis, Unexplained
 from dsd_cli.identify.search.evidence import in_plain_laws
 from dsd_cli.identify.search.sets import Option, Search
+from dsd_cli.identify.search.task import posed
 from dsd_cli.plant.model import PlantModel
 
 #: A value of the config that no motion identifies while all forces are per unit of u.
@@ -79,11 +85,13 @@ def targets_of(
     pairs = [pair for pair in pairs if set(pair) <= set(names)]
     if doubtful and not unknown and diagnosis is not None:  # asked for by name: the plant may yet be another
         names += [name for pair in made.left_open(diagnosis, unknown=True) for name in pair]
-    as_good = [] if unknown else made.as_good()
+    as_good = [*([] if unknown else made.as_good()), *made.wave(unknown)]
     names = list(dict.fromkeys([NONE if unknown else made.name_of(whole), *names, *as_good]))
     apart_from = [*pairs, *((name, NONE) for name in as_good)]
     own, left = {name: _own(name, apart_from) for name in names}, diagnosis.unexplained if diagnosis else Unexplained()
-    explanations = tuple(explanation_of(search, name, made.fits[name], doubtful, own[name]) for name in names)
+    explanations = tuple(
+        explanation_of(made.posed.get(name, search), name, made.fits[name], doubtful, own[name]) for name in names
+    )
     unexplained = float(np.nan_to_num(left.share_of_u))
     gone = falling(search, explanations[0].fitted, whole, unexplained)
     if unknown:  # none of them stands: the limits are kept under each, and the motion is for the whole catalogue
@@ -135,6 +143,7 @@ class _Explanations:
         self.found = [t.id for t in search.added(whole.terms)]
         self.fits: dict[str, Fit] = {self.name_of(whole): whole}
         self.fits.setdefault(NONE, search.refit)
+        self.posed: dict[str, Search] = {}
 
     def name_of(self, fit: Fit) -> str:
         """Of the effects that the model does not have."""
@@ -204,6 +213,35 @@ class _Explanations:
         options = [o for rest in rests for o in self.search.options(rest) if self._may_be(o.effect)]
         others = [o.fit for o in options if not _of_u(o.effect) and o.effect not in self.found]
         return [self._keep(fit) for fit in sorted(others, key=lambda fit: float(fit.squares))[:_AS_GOOD]]
+
+    def wave(self, unknown: bool) -> list[str]:
+        """The set with one sine over the place instead of its laws of the position: where the logs have not been
+        nothing says which of them goes on. Half a wave is as long as the way of the logs to begin with, for less of it
+        shows in no residual; those that do not explain the logs as well are not likely. unknown : also where no law of
+        the position was found, and beside forces as the model has them: any go with a sine that is not there."""
+        law, (shape,) = law_of_a_wave()
+        over = [t for t in self.search.added(self.whole.terms) if "position" in t.effect.needs]
+        way, search = self.search.ranges.travel, self._believed() if unknown else self.search
+        if not (over or unknown) or not way > 0.0:
+            return []
+        rests = [[t for t in self.whole.terms if t not in over and t.id not in gone] for gone in ((), (LOAD,))]
+        one = Term.of(law.id, {shape: math.pi / way})
+        sets = [(*rest, one) for rest in rests if all(t.id != law.id for t in rest)]
+        fits = [search.converged(search.fit(terms, self.whole.tap)) for terms in sets]
+        best = max(fits, key=search.evidence, default=self.whole)
+        name = self.name_of(best)
+        if name == self.name_of(self.whole):
+            return []
+        self.fits[name], self.posed[name] = best, search
+        return [name]
+
+    def _believed(self) -> Search:
+        """With the forces of the model held as it has them."""
+        problem, known, model = self.search.problem, self.search.solver.known, self.search.problem.model
+        forces = flat(replace(model, effects={n: v for n, v in model.effects.items() if acts(n)}))
+        held = {n: x for n, x in forces.items() if n not in (INERTIA, DELAY)}
+        asked = Settings(effects=problem.candidates, known=replace(known, fixed={**held, **known.fixed}))
+        return posed(problem.recordings, model, asked, model.delay) if held else self.search
 
     def _without(self, member: str) -> Fit:
         return self.search.fit(tuple(t for t in self.whole.terms if t.id != member), self.whole.tap)

@@ -139,17 +139,17 @@ def _smaller(
 
 
 def plants_of(
-    targets: Targets, likely: Collection[int], position: Array, room: Room, loops: Sequence[Loop]
+    targets: Targets, likely: Collection[int], position: Array, room: Room, loops: Sequence[Loop], leading: int = 0
 ) -> tuple[dict[Key, PlantModel], PlantModel]:
-    """(those that are run of each likely explanation, for a motion; the one whose u is fed forward: the first as
+    """(those that are run of each likely explanation, for a motion; the one whose u is fed forward: the leading one as
     fitted, with the friction of its draw that brakes the motion least: friction that is fed forward and is not there
     drives the axis on, and from rest to rest no other force does work)."""
     stride, last = max(int(_COARSE / room.step), 1), len(loops) - 1
     path, found = Path.of(position[::stride], stride * room.step), dict[Key, PlantModel]()
-    first = targets.explanations[0]
-    least = min(first.draws, key=lambda m: float(command_for(m, path) @ path.velocity))
+    first, leads = targets.explanations[0], targets.explanations[leading]
+    least = min(leads.draws, key=lambda m: float(command_for(m, path) @ path.velocity))
     friction = {n: v for n, v in least.effects.items() if get_effect(n).role is Role.FRICTION}
-    led = replace(first.fitted, effects={**first.fitted.effects, **friction})
+    led = replace(leads.fitted, effects={**leads.fitted.effects, **friction})
     added = command_for(led, path)
     for i in {0, *likely}:
         draws = targets.explanations[i].draws

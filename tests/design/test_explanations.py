@@ -7,16 +7,19 @@ import pytest
 
 from dsd_cli.design.closed_loop import usual_loops
 from dsd_cli.design.expectation import ranges_within
-from dsd_cli.design.explanations import _Left, explanation_of, falling, grown, held
+from dsd_cli.design.explanations import explanation_of, falling, grown, held
+from dsd_cli.design.left_open import Left
 from dsd_cli.design.limits import Limits
 from dsd_cli.design.reach import other_shapes
+from dsd_cli.design.targets import targets_of
 from dsd_cli.effects import Ranges
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.problem import pose
-from dsd_cli.identify.recordings.recording import prepare
+from dsd_cli.identify.recordings.recording import Recording, prepare
 from dsd_cli.identify.results import NONE
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import Settings
+from dsd_cli.plant.model import PlantModel
 from dsd_cli.plant.references import Planned
 from dsd_cli.plant.simulation import Measurement, SimulationSettings, simulate
 from tests.identify.comparison_rig import BELIEVED, CONTROLLER, MOVES, OBSERVER, T, recorded
@@ -25,9 +28,9 @@ from tests.identify.comparison_rig import BELIEVED, CONTROLLER, MOVES, OBSERVER,
 _SUM = np.array([1.0, 1.0, 0.0])
 
 
-def known_sum() -> _Left:
+def known_sum() -> Left:
     """Covariance of two values of 1.0 each whose sum is known to 0.01, by the inverse of what is known of them."""
-    return _Left(np.linalg.inv(np.diag([1.0, 1.0, 4.0]) + np.outer(_SUM, _SUM) / 0.01**2), np.zeros(3))
+    return Left(np.linalg.inv(np.diag([1.0, 1.0, 4.0]) + np.outer(_SUM, _SUM) / 0.01**2), np.zeros(3))
 
 
 def test_a_value_that_is_given_takes_those_along_that_only_add_up_with_it() -> None:
@@ -120,3 +123,56 @@ def test_a_force_that_grows_with_the_speed_is_as_large_as_slow_logs_leave_it_ope
 def test_half_of_the_damping_of_the_loop_is_all_that_such_a_force_takes_off_it() -> None:
     """Of kd = 0.01 x 25 rad/s at 1 rad/s: 0.125 of 2."""
     assert growing(0.02, 1.0)["viscous_asymmetry"] == pytest.approx([-0.0625, 0.0625])
+
+
+def moved_in(force: PlantModel, way: float, *, duration: float = 4.0) -> Recording:
+    """A log of moves so far to and fro."""
+    moves = replace(MOVES, speed=4.0 * way, distance=way, acceleration=80.0 * way, start=0.0)
+    return recorded(dict(force.effects), reference=moves, duration=duration, noise=0.001)
+
+
+def test_friction_and_a_load_that_only_add_up_have_their_sum_in_every_plant() -> None:
+    """Moves one way: what is fitted has no friction at all, and the model knows that there is 0.05 of it."""
+    friction = {"coulomb_friction": {"level": 0.05}}
+    t = T * np.arange(3000)
+    log = recorded(
+        {**friction, "constant_load": {"force": 0.08}},
+        reference=Planned(t + 0.02 * np.sin(9.0 * t), 1.0 + 0.18 * np.cos(9.0 * t)),
+        duration=6.0,
+        noise=0.001,
+    )
+    search = Search(pose([log], replace(BELIEVED, effects=friction), Settings()))
+    found = search.fit((*search.base, Term.of("constant_load", {})), search.refit.tap)
+    plants = explanation_of(search, "constant_load", found, False, ("constant_load",)).draws
+    forces = [plant.effects["constant_load"]["force"] for plant in plants]
+    assert all(plant.effects["coulomb_friction"]["level"] == 0.05 for plant in plants)
+    assert forces == pytest.approx([0.08] * len(forces), rel=0.05)
+
+
+VALLEY = {"cogging": {"amplitude": 0.05, "periods": 20.0, "phase": 0.3}}
+WEIGHT = {"gravity": {"amplitude": 0.01, "phase": 0.5}}
+#: Of a wave of 0.31.
+WAY = 0.1
+
+
+def test_what_a_spring_does_where_the_logs_have_been_a_wave_may_do() -> None:
+    """A spring in one valley of a cogging: beyond it nothing says that it goes on."""
+    log = moved_in(replace(BELIEVED, effects=VALLEY), WAY)
+    search = Search(pose([log], BELIEVED, Settings()))
+    spring = search.fit((Term.of("stiffness", {}), Term.of("constant_load", {})), search.refit.tap)
+    targets = targets_of(search, spring, None, ("stiffness", "none"))
+    (wave,) = [e.fitted for e in targets.explanations if "cogging" in e.name]
+    assert wave.effects["cogging"]["periods"] == pytest.approx(20.0, rel=0.05)
+    assert wave.effects["cogging"]["amplitude"] == pytest.approx(0.05, rel=0.1)
+
+
+def test_where_nobody_knows_what_is_missing_forces_of_the_model_are_as_it_has_them() -> None:
+    """In one valley of a cogging the weight is fitted as eighty times its own, and that would be fed forward."""
+    log = moved_in(replace(BELIEVED, effects={**VALLEY, **WEIGHT}), 0.02)
+    model = replace(BELIEVED, effects=WEIGHT)
+    search = Search(pose([log], model, Settings()))
+    alone = explanation_of(search, NONE, search.refit, True, ())
+    assert alone.draws[1].effects["gravity"]["amplitude"] > 0.2
+    first, wave = held(search, alone, search.refit, 0.0, 0.0)
+    assert first.fitted.effects["gravity"] == wave.effects["gravity"] == WEIGHT["gravity"]
+    assert 0.02 < wave.effects["cogging"]["amplitude"] < 0.1

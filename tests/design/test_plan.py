@@ -288,10 +288,10 @@ def test_forces_that_cancel_out_where_a_poor_log_has_been_are_not_planned_for() 
     plan = asked.plan(seconds=(5.0,))
     exact = asked.moved(plan)
     assert asked.exceeded(plan, exact) == {}
-    # 1 of an axis that stands
+    # 1 of an axis that stands, or that a force which is not there drives
     t = np.arange(len(plan.motion.position)) * plan.motion.step
     planned = np.interp(exact.t, t, plan.motion.velocity)
-    assert np.sqrt(np.mean((exact.v - planned) ** 2)) < 0.4 * np.sqrt(np.mean(planned**2))
+    assert np.sqrt(np.mean((exact.v - planned) ** 2)) < 0.2 * np.sqrt(np.mean(planned**2))
 
 
 LIMITS = [
@@ -739,7 +739,8 @@ def test_what_stands_beyond_a_limit_before_it_moves_ends_no_plan_for_the_catalog
 ) -> None:
     """A force that may be there, and against which the simulated loop stands off, is no matter of the motion; each of
     these plants has its own turns, though there is but one explanation."""
-    monkeypatch.setattr("dsd_cli.design.targets._Explanations.left_open", lambda *_, **__: [])
+    for others in ("left_open", "wave"):
+        monkeypatch.setattr(f"dsd_cli.design.targets._Explanations.{others}", lambda *_, **__: [])
     targets = targets_of(tied.search, tied.whole, tied.diagnosis, doubted=True)
     (fitted,) = (e.fitted for e in targets.explanations)
 
