@@ -61,12 +61,6 @@ class Errors:
         forces = [mixed(rows[1 + at.start : 1 + at.stop], fit.total[at]) for at in spans if at.start < at.stop]
         return 0.5 * sum((_rms(force[self._keep]) / scale) ** 2 for force in forces)
 
-    def within_left(self, one: Fit, best: Fit, floor: float) -> bool:
-        """Whether a fit leaves no more beyond the best than that leaves beyond the sensor's noise, or any model of an
-        axis does: of a misfit the law with more freedom explains a part."""
-        left = max(self.rmse(best) ** 2 - floor**2, (POLICY.least_unknown * self.force) ** 2)
-        return self.rmse(one) ** 2 - self.rmse(best) ** 2 < left
-
     def shaken(self, fit: Fit) -> bool:
         """Whether lines in time move the axis and u is hardly any of J a: a motion that is the sum of a few sines, as
         many a reference is, they explain without any u, and with an inertia as large as they like."""

@@ -14,7 +14,7 @@ from dsd_cli.effects.driven import driven_load, forgotten
 from dsd_cli.effects.memory import Coupling
 from dsd_cli.identify.fit.pushes import SensorMotion
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.recordings.recording import Recording
+from dsd_cli.identify.recordings.recording import SHARP, Recording
 from dsd_cli.identify.recordings.sensor import FeedbackNoise, feedback_noise_of
 from dsd_cli.identify.recordings.smoothing import MEAN_OF_SIX, extended
 from dsd_cli.plant.filtering import delay_taps
@@ -264,7 +264,8 @@ def _motion(log: Log, weights: Array) -> IntervalChannels:
     def of(name: str) -> Array:
         if name not in log:
             return unknown
-        return np.convolve(extended(log[name], 3), weights, mode="valid")[:-1]
+        x = log[SHARP] if name == "velocity" and SHARP in log else log[name]
+        return np.convolve(extended(x, 3), weights, mode="valid")[:-1]
 
     return IntervalChannels(of("velocity"), of("position"), unknown, unknown)
 

@@ -168,6 +168,8 @@ def check_one_rate(recordings: Sequence[Recording]) -> None:
             )
 
 
+#: The speed that forces go by, where it is not that by which direction and rest are known.
+SHARP = "sharp_velocity"
 #: Samples of the shortest stretch that is used.
 SHORTEST = 50
 #: Times the least noise of all samples, from which on the smoothing had to end early at one.
@@ -225,6 +227,9 @@ def _with_speed(pieces: Sequence[Log], found: Sequence[Smoothed], slopes: bool =
     """(the pieces with what was smoothed, or its slopes, as their speed, its noise, half width of the smoothing)."""
     speeds = [(s.slope, s.slope_spread) if slopes else (s.value, s.value_spread) for s in found]
     done = [with_channels(p, velocity=v, speed_noise=noise) for p, (v, noise) in zip(pieces, speeds, strict=True)]
+    if slopes:
+        sharp = [{} if s.sharp is None else {SHARP: s.sharp} for s in found]
+        done = [with_channels(p, **more) for p, more in zip(done, sharp, strict=True)]
     return done, max(s.slope_noise if slopes else s.value_noise for s in found), _widest(found)
 
 

@@ -34,14 +34,16 @@ MEAN_OF_SIX = np.array([11.0, -93.0, 802.0, 802.0, -93.0, 11.0]) / 1440.0
 SAMPLED_U = "sampled_u"
 #: Seed of the white noise that is interpolated as the channels are.
 _SEED = 20261122
-#: Half widths that are tried, samples; 0 leaves the channel as it is, with the slope of the polynomial through seven
-#: samples (a difference of two beside each is 10 % less at an eighth of the sample rate).
+#: Slope of the polynomial through seven samples, per sample: the difference of the two beside one is 10 % less at an
+#: eighth of the sample rate.
+_SLOPE_OF_SEVEN = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0
+#: Half widths that are tried, samples; 0 leaves the channel as it is.
 HALF_WIDTHS = (0, 2, 3, 4, 6, 8, 11, 15, 20, 28)
 #: Steps of the stamps that differ by less than this share are a regular clock, rounded when printed.
 _REGULAR = 0.02
 #: Share of the noise up to which a change between samples is none: a spline ripples around an encoder at rest.
 _RESTING = 1e-3
-_ORDER, _THROUGH = 3, 3
+_ORDER = 3
 #: Rows that move, at least.
 _FEWEST = 10
 #: The widest window is this part of the channel.
@@ -55,6 +57,7 @@ _DIFFERENCES = (2, 4, 6)
 class Smoothed:
     """A channel and its slope, shape (n,) each, with the standard deviation of the noise that is left in them.
 
+    sharp : a slope for forces that a fast motion makes, where nothing is smoothed; beside a stop it is not 0.
     value_noise, slope_noise : in the widest window; value_spread, slope_spread : in that of each sample, shape (n,).
     """
 
@@ -65,6 +68,7 @@ class Smoothed:
     slope_noise: float
     value_spread: Array
     slope_spread: Array
+    sharp: Array | None = None
 
 
 class ChannelNoise(NamedTuple):
@@ -106,8 +110,12 @@ def smooth(x: Array, t: Array, known: ChannelNoise | None = None) -> Smoothed:
             break
         chosen, least = half, min(least, max(size, 1.0))
         found.widen(half, candidate, slope)
-    value_noise, slope_noise = (_spread(chosen, derivative, noise, stamps) for derivative in (0, 1))
-    return Smoothed(found.value, found.slope, chosen, value_noise, slope_noise, found.spreads, found.slope_spreads)
+    value_noise = _spread(chosen, 0, noise, stamps) if chosen else noise
+    slope_noise = _spread(max(chosen, 1), 1, noise, stamps)
+    made = Smoothed(found.value, found.slope, chosen, value_noise, slope_noise, found.spreads, found.slope_spreads)
+    if chosen or not stamps.regular:
+        return made
+    return replace(made, sharp=np.convolve(extended(x, 3), _SLOPE_OF_SEVEN[::-1], mode="valid") / stamps.step)
 
 
 class _Stamps(NamedTuple):
@@ -135,8 +143,8 @@ class _Adapted:
     def __init__(self, x: Array, stamps: _Stamps, noise: float) -> None:
         self._stamps, self._noise = stamps, noise
         self._alive = np.ones(len(x), dtype=bool)
-        self._last = noise, _spread(0, 1, noise, stamps)
-        self.value, self.slope = x, _local(x, stamps, 0)[1]
+        self._last = noise, _spread(1, 1, noise, stamps)
+        self.value, self.slope = x, _local(x, stamps, 1)[1]
         self.spreads, self.slope_spreads = (np.full(len(x), spread) for spread in self._last)
 
     def widen(self, half: int, wider: Array, wider_slope: Array) -> None:
@@ -184,14 +192,14 @@ def _moving(x: Array, noise: float) -> Array:
 def _local(x: Array, stamps: _Stamps, half: int) -> tuple[Array, Array]:
     """Value and slope (per s) of local polynomials at every sample, in the true stamps; shape (n,) each."""
     t, step, regular = stamps
-    reach, order = _window(half)
-    windows, padded_x = 2 * reach + 1, extended(x, reach)
+    windows, padded_x = 2 * half + 1, extended(x, half)
     if regular:
         value, slope = (np.convolve(padded_x, _weights(half, d)[::-1], mode="valid") for d in (0, 1))
         return value, slope / step
-    padded_t = extended(t, reach)
+    padded_t = extended(t, half)
     view = np.lib.stride_tricks.sliding_window_view
     tau = (view(padded_t, windows) - t[:, None]) / step
+    order = min(_ORDER, 2 * half)
     powers = tau[..., None] ** np.arange(order + 1)
     gram = np.einsum("nwi,nwj->nij", powers, powers)
     moments = np.einsum("nwi,nw->ni", powers, view(padded_x, windows))
@@ -204,16 +212,11 @@ def extended(x: Array, half: int) -> Array:
     return np.concatenate([2.0 * x[0] - x[half:0:-1], x, 2.0 * x[-1] - x[-2 : -half - 2 : -1]])
 
 
-def _window(half: int) -> tuple[int, int]:
-    """(samples to either side, order of the polynomial) of a half width; at 0 it goes through all of them."""
-    return (half, _ORDER) if half else (_THROUGH, 2 * _THROUGH)
-
-
 @cache
 def _weights(half: int, derivative: int) -> Array:
-    """Least-squares weights of a local polynomial at its centre (Savitzky-Golay), shape (2 reach + 1,)."""
-    reach, order = _window(half)
-    k = np.arange(-reach, reach + 1, dtype=np.float64)
+    """Least-squares weights of a local polynomial at its centre (Savitzky-Golay), shape (2 half + 1,)."""
+    k = np.arange(-half, half + 1, dtype=np.float64)
+    order = min(_ORDER, 2 * half)
     return np.asarray(np.linalg.pinv(np.vander(k, order + 1, increasing=True))[derivative])
 
 

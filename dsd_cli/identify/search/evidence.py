@@ -159,6 +159,12 @@ class Evidence:
         """Whitened residual of the form that is evidence, shape (N,)."""
         return mixed(self.solver.bank.rows(fit.terms, fit.tap), fit.forward)
 
+    def hardly_less(self, one: Fit, best: Fit) -> bool:
+        """Whether a fit leaves no more beyond the best than any model of an axis does beyond its machine: of such a
+        misfit the law with more freedom explains a part."""
+        errors = self.problem.errors
+        return errors.rmse(one) ** 2 - errors.rmse(best) ** 2 < (POLICY.least_unknown * errors.force) ** 2
+
     def matters(self, before: Fit, after: Fit) -> bool:
         """Whether going from one fit to the other is certain and of use."""
         if self.lead(before, after) < POLICY.least_gain:
@@ -274,11 +280,11 @@ def _plain(effect: Effect) -> bool:
 
 def _as_good(search: Evidence, one: Option, best: Option) -> bool:
     """Whether a lead of the best over one that costs no more is not certain, or over a cheaper one does not matter, or
-    over a simpler one may come from what neither explains."""
+    over a simpler one is no more than any misfit."""
     saved = search.price(best.fit.terms) - search.price(one.fit.terms)
     if search.lead(one.fit, best.fit) < POLICY.least_gain:
         return saved > -ROUNDING
     simpler = saved > -ROUNDING and _simpler(get_effect(one.effect), get_effect(best.effect))
-    if simpler and search.problem.errors.within_left(one.fit, best.fit, search.problem.floor):
+    if simpler and search.hardly_less(one.fit, best.fit):
         return True
     return saved > ROUNDING and not search.practical(one.fit, best.fit)

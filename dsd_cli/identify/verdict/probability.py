@@ -115,7 +115,7 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
         lead = search.gains(option.fit, whole)
         spread = float(np.std(lead, ddof=1)) * math.sqrt(len(lead))
         doubtful = float(lead.sum()) < POLICY.rival_deviations * spread or not search.matters(option.fit, whole)
-        return doubtful or plain.within_left(option.fit, whole, search.problem.floor)
+        return doubtful or search.hardly_less(option.fit, whole)
 
     as_well = [o for o in options if misfit and share(o) > POLICY.rival_share_in_misfit and may_be(o)]
     as_told = max(changes(search, whole)) + math.log(POLICY.changed_for_name)
