@@ -1,6 +1,6 @@
 """A mass on a hardening spring with damping under a multisine, in open loop; nothing of the project is imported.
 
-    J q'' = u - b q' - k q - k3 q^3
+    J q'' = u - b q' - k q - k2 q^2 - k3 q^3
 
 Classical Runge-Kutta steps, a quarter of a sample each; u is continuous and only sampled, or held between samples.
 """
@@ -22,6 +22,7 @@ class Resonator(NamedTuple):
     stiffness: float = 0.3
     cubic: float = 4.0
     noise: float = 1e-5
+    quadratic: float = 0.0
 
 
 AXIS = Resonator()
@@ -37,7 +38,7 @@ def swung(seed: int, held: bool, axis: Resonator = AXIS, rows: int = 6000) -> di
     u, q, v, place = drive.tolist(), 0.0, 0.0, []
 
     def a(q: float, v: float, u: float) -> float:
-        return (u - axis.damping * v - axis.stiffness * q - axis.cubic * q**3) / axis.inertia
+        return (u - axis.damping * v - axis.stiffness * q - axis.quadratic * q * q - axis.cubic * q**3) / axis.inertia
 
     for n in range(PARTS * rows):
         if n % PARTS == 0:

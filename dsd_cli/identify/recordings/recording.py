@@ -226,10 +226,9 @@ def _with_velocity(
 def _with_speed(pieces: Sequence[Log], found: Sequence[Smoothed], slopes: bool = False) -> tuple[list[Log], float, int]:
     """(the pieces with what was smoothed, or its slopes, as their speed, its noise, half width of the smoothing)."""
     speeds = [(s.slope, s.slope_spread) if slopes else (s.value, s.value_spread) for s in found]
-    done = [with_channels(p, velocity=v, speed_noise=noise) for p, (v, noise) in zip(pieces, speeds, strict=True)]
-    if slopes:
-        sharp = [{} if s.sharp is None else {SHARP: s.sharp} for s in found]
-        done = [with_channels(p, **more) for p, more in zip(done, sharp, strict=True)]
+    sharp = [{SHARP: s.sharp} if slopes and s.sharp is not None else {} for s in found]
+    parts = zip(pieces, speeds, sharp, strict=True)
+    done = [with_channels(p, velocity=v, speed_noise=noise, **more) for p, (v, noise), more in parts]
     return done, max(s.slope_noise if slopes else s.value_noise for s in found), _widest(found)
 
 
