@@ -37,7 +37,8 @@ def _of(name: str, used: str, *logs: str) -> Recorded:
     return replace(whole, name=f"{folder}, {used}", logs=tuple(f"{folder}/{log}" for log in logs))
 
 
-_MULTISINE = _recorded("silverbox test_multisine")
+_WHOLE = _recorded("silverbox test_multisine")
+_MULTISINE = replace(_WHOLE, signals=_WHOLE.signals | {"u_hold": "held"})
 _SAMPLED = replace(
     _MULTISINE, name=f"{_MULTISINE.name}, u as sampled", signals=_MULTISINE.signals | {"u_hold": "sampled"}
 )

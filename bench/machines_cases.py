@@ -88,7 +88,7 @@ def _silverbox(run: str) -> Recorded:
     return Recorded(
         f"silverbox {run}",
         (f"silverbox/{run}.parquet",),
-        {"time": "t_s", "u": "u_V", "velocity": "", "position": "position_V"},
+        {"time": "t_s", "u": "u_V", "velocity": "", "position": "position_V", "u_hold": "sampled"},
         5e-6,
         must=("viscous_friction", "stiffness", "cubic_stiffness"),
         must_not=("gravity", *STAND_INS),

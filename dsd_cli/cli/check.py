@@ -136,7 +136,7 @@ def _unread(config: Config) -> list[Finding]:
     from dsd_cli.cli.unit_in_name import left_out
     from dsd_cli.identify.checks.results import Finding
 
-    return [Finding(one.what, one.channel, "warning", 0.95, one.remedy) for one in left_out(config.signals)]
+    return [Finding(one.what, one.channel, "warning", 0.95, one.remedy) for one in left_out(config)]
 
 
 def _open_unit(config: Config) -> Finding:

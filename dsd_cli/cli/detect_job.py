@@ -147,7 +147,7 @@ class Job:
             with naming(table.name), widening(self.config.signals):
                 self._label_all(table, session, summarizer)
         found = _detection(table, session, summarizer)
-        unread = [one.line for one in left_out(self.config.signals) if one.channel in table.columns]
+        unread = [one.line for one in left_out(self.config) if one.channel in table.columns]
         return replace(found, units=self.config.signals.units, warnings=(*found.warnings, *unread))
 
     def _session(self, plan: Plan) -> Session:

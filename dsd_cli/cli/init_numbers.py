@@ -50,6 +50,13 @@ def propose_numbers(
         checked = check_log(
             loaded.log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors, keys_of=_keys(out)
         )
+    kind = next((one for one in checked.findings if one.hold), None)
+    if kind is not None and kind.hold is not None and ("signals", "u_hold") not in out.values:
+        out.put("signals", "u_hold", kind.hold, kind.what)
+        loaded = replace(loaded, log=replace(loaded.log, u_hold=kind.hold))
+        checked = check_log(
+            loaded.log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors, keys_of=_keys(out)
+        )
     loaded = _without_late(loaded, checked, out, given)
     log = loaded.log
     step = log.sample_time if loaded.regular else float(f"{checked.seconds / checked.samples:.4g}")
@@ -60,11 +67,7 @@ def propose_numbers(
     out.put("observer", "time_constant", float(f"{5 * step:.3g}"), "5 samples; take your observer's if d_hat is logged")
     window = int(np.clip(round(WINDOW / step), FEWEST, MOST))
     out.put("detector", "window", window, f"{window * step:.3g} s")
-    first = checked.errors or to_mend_first(checked)
-    for one in first:
-        if one.hold and ("signals", "u_hold") not in out.values:
-            out.put("signals", "u_hold", one.hold, one.what)
-    found = (*(one for one in first if not one.hold), *zero_offsets(log, signals_of(out)))
+    found = (*(checked.errors or to_mend_first(checked)), *zero_offsets(log, signals_of(out)))
     out.said += [f"{one.what}{'' if one.what.endswith('?') else ':'} {one.remedy}" for one in found]
     if _told(checked, "inertia") is None and not checked.errors:  # too little for the scan may do beside a model
         checked = check_log(log, PlantModel(1.0), None, loaded.restarts)

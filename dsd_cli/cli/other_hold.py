@@ -23,7 +23,7 @@ def said_of_hold(given: Given, logs: Sequence[str], found: Diagnosis) -> tuple[s
     """A piece of advice, where the model that was found leaves much less of the logs with the other u_hold."""
     from dsd_cli.cli.recordings import load_recording
 
-    settings, held = given.settings, given.recordings[0].pieces[0].u_hold == "held"
+    settings, held = given.settings, given.settings.signals.u_hold == "held"
     asked = found.unexplained.probability >= _RATHER and not found.blocked and "-" not in logs
     logged = any(one.provenance["d_hat"].startswith("logged") for one in given.recordings)
     if not asked or logged or settings.says("signals.u_hold"):

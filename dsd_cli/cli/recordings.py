@@ -71,7 +71,7 @@ def load_recording(
         loaded = replace(loaded, log=replace(loaded.log, source=f"{loaded.log.source} ({window})"))
     if "d_hat" in loaded.log:
         config.require(Observer)  # which made it
-    lacking = [*absent(config, columns, loaded), *(one.line for one in left_out(config.signals))]
+    lacking = [*absent(config, columns, loaded), *(one.line for one in left_out(config))]
     loaded = by_updates(loaded)
     _check_channels(loaded.log.source, loaded)
     check_sizes(loaded.log.source, loaded)
@@ -80,7 +80,6 @@ def load_recording(
     loaded, noisy = on_its_clock(loaded)
     checked = _checked(loaded, config)
     loaded, late = _without_late(loaded, checked)
-    loaded, as_it_is = _as_it_is_held(loaded, checked, config)
     try:
         recording = prepare(loaded.log, observer, loaded.restarts, config.model.rest_speed)
     except TooShort as error:
@@ -90,7 +89,7 @@ def load_recording(
     dropped = {reason: count for reason, count in loaded.dropped.items() if count}
     beyond = held_beyond(plant_model(config, 1.0), recording.pieces) if config.model.effects else []
     wrong = _wrong(config, checked, recording)
-    warnings = (*loaded.warnings, *lacking, *noisy, *late, *as_it_is, *wrong, *beyond)
+    warnings = (*loaded.warnings, *lacking, *noisy, *late, *wrong, *beyond)
     if path == "-" and not loaded.log.channels.keys() & {"velocity", "position"}:
         warnings += half_said(config)
     return LoadedRecording(recording, dropped, warnings, to_turn_u(checked))
@@ -153,15 +152,6 @@ def _without_late(loaded: LoadedLog, checked: CheckResult) -> tuple[LoadedLog, l
     return replace(loaded, log=without_late(loaded.log, late)), [f"{late.what}; {done}"]
 
 
-def _as_it_is_held(loaded: LoadedLog, checked: CheckResult, config: Config) -> tuple[LoadedLog, list[str]]:
-    """(the log with u as it surely lives between its samples, where nobody says how, a sentence about it)."""
-    found = next((one for one in checked.findings if one.hold), None)
-    if found is None or found.hold is None or checked.errors or config.says("signals.u_hold"):
-        return loaded, []
-    said = f"{found.what}, and is taken so ({found.remedy} in the config says it, the other value overrules it)"
-    return replace(loaded, log=replace(loaded.log, u_hold=found.hold)), [said]
-
-
 def on_its_clock(loaded: LoadedLog) -> tuple[LoadedLog, list[str]]:
     """(the log on an even clock, if its stamps are rather noise on one, a sentence about it)."""
     from dsd_cli.identify.checks.clock import evened
@@ -177,8 +167,7 @@ def _wrong(config: Config, checked: CheckResult, recording: Recording) -> list[s
     """What must be said before anything that this log answers, and what mends it: sign, unit, a late u, a loop."""
     from dsd_cli.identify.checks import biased_by_noise, to_mend_first
 
-    held = recording.pieces[0].u_hold
-    first: Sequence[Finding] = [one for one in to_mend_first(checked) if one.hold != held]
+    first: Sequence[Finding] = to_mend_first(checked)
     if not first and "reference" in recording.pieces[0]:
         given, model = known_values(config), _written_model(config)
         first = biased_by_noise(recording, model, given.fixed.keys() | given.priors.keys())

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
-    from dsd_cli.files.config.signals import Signals
+    from dsd_cli.files.config import Config
 
 
 class LeftOut(NamedTuple):
@@ -29,17 +29,19 @@ class LeftOut(NamedTuple):
         return f"{self.what}: set {self.remedy}"
 
 
-def left_out(signals: Signals) -> list[LeftOut]:
-    """Of position and velocity without a unit and a scale, those whose names say another unit than SI."""
+def left_out(config: Config) -> list[LeftOut]:
+    """Of position and velocity of which [signals] says neither a unit nor a scale, those whose names say another unit
+    than SI."""
     from dsd_cli.files.names_in import unit_in
     from dsd_cli.files.recognise import Recognised
 
-    found, per = [], {"position": "", "velocity": "/s"}
+    found, per, signals = [], {"position": "", "velocity": "/s"}, config.signals
     for channel in per:
         column = signals.columns().get(channel, "")
         said = Recognised(channel, column, unit_in(column, channel))
         kind = said.of_kind
-        bare = not getattr(signals, f"{channel}_unit") and abs(getattr(signals, f"{channel}_scale")) == 1.0
+        scaled = config.says(f"signals.{channel}_scale") or abs(getattr(signals, f"{channel}_scale")) != 1.0
+        bare = not getattr(signals, f"{channel}_unit") and not scaled
         if bare and kind is not None and kind[1] != 1.0 and not said.by_default:
             found.append(LeftOut(channel, column, said.named, kind[0] + per[channel]))
     return found

@@ -150,7 +150,7 @@ def test_belief_counts_what_coloured_noise_explains_by_chance(search, monkeypatc
     found, _ = search
     options, rest = found.options(found.refit), found.refit
     gains = np.stack([np.zeros(len(rest.losses)), *(found.gains(rest, o.fit) for o in options)])
-    prices = np.array([0.0, *(found.cost(o.fit) - found.cost(rest) for o in options)])
+    prices = np.array([0.0, *(found.price(o.fit.terms) for o in options)])
     monkeypatch.setattr(Search, "by_chance", lambda *_: 5.0)
     shares = probabilities(found, rest, options[::-1])
     expected = shared_belief(gains / 5.0, prices)
@@ -221,7 +221,7 @@ def test_a_nat_is_worth_as_many_squares_as_the_noise_is_loud_and_dependent(searc
     search, whole = search
     loud = replace(search.noise, variance=1e4 * search.noise.variance)
     search = Search(replace(search.problem, noise=loud))
-    gains, price = search.gains(search.refit, whole), search.cost(whole) - search.cost(search.refit)
+    gains, price = search.gains(search.refit, whole), search.price(whole.terms)
     assert (gains > 0.0).sum() > 0.8 * len(gains)
     np.testing.assert_allclose(gains, (search.refit.losses - whole.losses) / (2.0 * loud.variance * loud.inflation))
     for louder in (replace(loud, variance=2.0 * loud.variance), replace(loud, inflation=2.0 * loud.inflation)):
@@ -242,9 +242,7 @@ def test_what_is_left_beyond_the_noise_is_of_unknown_size(search):
         gains = other.gains(before, whole)
         assert gains.sum() == pytest.approx(expected)
         np.testing.assert_allclose(gains / gains.sum(), (before.losses - whole.losses) / (before.loss - whole.loss))
-        assert other.evidence(whole) - other.evidence(before) == pytest.approx(
-            expected - other.cost(whole) + other.cost(before)
-        )
+        assert other.evidence(whole) - other.evidence(before) == pytest.approx(expected - other.price(whole.terms))
 
 
 def test_rows_count_by_their_weights(search):

@@ -72,6 +72,9 @@ def check_hold(stretches: Sequence[Stretch], band: Band, delay: float, hold: Hol
         return []
     held, sampled = (kind(spectra.w, delays, band.source) for kind in (_held, _sampled))
     rests = [float(spectra.rest(kind).min()) for kind in (held, sampled)]
+    early = samples - whole + np.linspace(-_AROUND, _AROUND, _TRIED)
+    if float(spectra.rest(_held(spectra.w, early, band.source)).min()) * WORSE < min(rests):
+        return []  # rather a held u that was logged late
     better = int(rests[1] < rests[0])
     found: Hold = "sampled" if better else "held"
     if found == hold or min(rests) > 1.0 - EXPLAINED or max(rests) < WORSE * min(rests):

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dsd_cli.identify.fit.band import ForceNoise, fitted_noise, passed_variance, white_to_the_end, whitening
-from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, has_friction
+from dsd_cli.identify.fit.bank import INERTIA, SHARE, Bank, Term, has_friction
 from dsd_cli.identify.fit.blocks import Blocks
 from dsd_cli.identify.fit.equations import Equations
 from dsd_cli.identify.fit.freeform import freeform_fits, rich_residual
@@ -53,13 +53,11 @@ class Errors:
         """rms of a within the band."""
         return _rms(self.bank.acceleration[self._keep])
 
-    def cancelling(self, fit: Fit) -> float:
-        """Nats against forces that others must hold: each is as likely as a normal one of the size of all that moves
-        the axis, u and J a. A weight of 24 and a spring of 25 are rather a spring of 1 that stiffens."""
-        rows, scale = self.bank.rows(fit.terms, fit.tap), max(self.moving(whole_inertia(fit)), 1e-300)
-        spans = (fit.columns_of(t) for t in fit.terms)
-        forces = [mixed(rows[1 + at.start : 1 + at.stop], fit.total[at]) for at in spans if at.start < at.stop]
-        return 0.5 * sum((_rms(force[self._keep]) / scale) ** 2 for force in forces)
+    def cancelled(self, fit: Fit, term: Term) -> bool:
+        """Whether others of a fit must hold this one: its force is more than u and J a together, rms."""
+        rows, at = self.bank.rows(fit.terms, fit.tap), fit.columns_of(term)
+        force = mixed(rows[1 + at.start : 1 + at.stop], fit.total[at])
+        return _rms(force[self._keep]) > self.force + whole_inertia(fit) * self.accelerates
 
     def shaken(self, fit: Fit) -> bool:
         """Whether lines in time move the axis and u is hardly any of J a: a motion that is the sum of a few sines, as

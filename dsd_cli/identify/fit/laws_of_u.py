@@ -74,7 +74,8 @@ def at_law(
         return float(errors @ errors) + variance * ((c - usual) / spread) ** 2
 
     low, high = (min(max(end, 0.0), _MOST) for end in known.limits(name))
-    return replace(known, fixed={**known.fixed, name: golden_section(judged, low, high, _STEPS)})
+    found = min((low, golden_section(judged, low, high, _STEPS)), key=judged)  # where all are alike, none
+    return replace(known, fixed={**known.fixed, name: found})
 
 
 def grown(bank: Bank, design: Design, terms: Terms, tap: int, weights: Array, starts: Starts = (0,)) -> Array:

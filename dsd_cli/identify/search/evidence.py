@@ -96,12 +96,7 @@ class Evidence:
 
     def evidence(self, fit: Fit) -> float:
         """Held-out log-likelihood (up to a constant) less the price of the effects beyond the model's, nats."""
-        return -self.nats(fit.loss) - self.cost(fit)
-
-    @once
-    def cost(self, fit: Fit) -> float:
-        """Nats of a prior on its effects and on their forces."""
-        return self.price(fit.terms) + self.problem.errors.cancelling(fit)
+        return -self.nats(fit.loss) - self.price(fit.terms)
 
     def nats(self, squares: float, more: float = 0.0) -> float:
         """Negative log-likelihood of a sum of squares; the variance is that of the noise, or what is left if more.
@@ -138,7 +133,7 @@ class Evidence:
         gained = (self.nats(before.loss) - self.nats(after.loss)) / self.by_chance(before, after)
         if _of_time(before) != _of_time(after):
             gained = min(gained, 0.5 * self.equations.counted * math.log(self._news(before) / self._news(after)))
-        return gained - self.cost(after) + self.cost(before)
+        return gained - self.price(after.terms) + self.price(before.terms)
 
     def _news(self, fit: Fit) -> float:
         """Mean square of what the past of a residual does not predict of it."""
@@ -207,7 +202,8 @@ def preferred(search: Evidence, options: Sequence[Option]) -> Option | None:
 def in_common_terms(search: Evidence, fit: Fit) -> Fit:
     """With the commonest of the effects that do the same in place of each member: moved in one direction, dry friction
     and a load are one column, and so are viscous friction and its asymmetry. Over a small travel a weight is a load and
-    a stiffness, and beside a stiffness that holds it a cubic one: these are taken where they have more evidence.
+    a stiffness, and beside a stiffness that holds it a cubic one: these are taken where they explain more, and where
+    nothing but that stiffness holds the weight.
 
     What is simpler and what is commoner may go round in a circle: it ends where it was before.
     """
@@ -228,8 +224,10 @@ def _one_commoner(search: Evidence, fit: Fit) -> Fit:
             other = search.fit((*rest, Term(effect.id)), fit.tap)
             if _as_good(search, Option(effect.id, other, search.evidence(other)), own):
                 return other
-        if (plain := in_plain_laws(search, fit, term)) is not None and search.evidence(plain) > own.evidence:
-            return plain
+        if (plain := in_plain_laws(search, fit, term)) is not None:
+            lead = POLICY.least_gain if search.problem.errors.cancelled(fit, term) else 0.0
+            if own.evidence - search.evidence(plain) < lead:
+                return plain
         for pair in _pairs(term.effect, [name for name in search.allowed if name not in here]):
             other = search.fit((*rest, *map(Term, pair)), fit.tap)
             if search.evidence(other) > own.evidence:

@@ -104,7 +104,8 @@ def _fitted_values(search: Search, *, missing: bool = False) -> ParameterCheck:
     if late := tuple(name for name in lags if _explains_the_delay(search, name)):
         candidates = tuple(replace(c, indistinguishable_from=late if c.effect == DELAY else ()) for c in candidates)
     sure_of_it = min(1.0 - math.erfc(sure[1] / math.sqrt(2.0)), POLICY.surest)
-    if wrong == DELAY and 2.0 * abs(values[DELAY].value - believed.delay) < (step := problem.equations.sample_time):
+    held, step = any(s.stepping for s in problem.equations.stretches), problem.equations.sample_time
+    if wrong == DELAY and held and 2.0 * abs(values[DELAY].value - believed.delay) < step:
         sure_of_it, said = min(sure_of_it, POLICY.even), (*said, HALF_A_SAMPLE.format(500.0 * step))
     if wrong not in (INERTIA, DELAY):
         candidates = (_all_of_an_effect(search, wrong, score, refitted), *candidates)

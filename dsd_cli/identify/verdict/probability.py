@@ -178,7 +178,7 @@ def probabilities(search: Search, rest: Fit, options: list[Option]) -> dict[str,
     best = max(range(len(fits)), key=lambda i: search.evidence(fits[i]))
     chances = np.array([search.by_chance(fit, fits[best]) for fit in fits])
     gains = gains[best] - (gains[best] - gains) / chances[:, None]
-    prices = np.array([0.0, *(search.cost(o.fit) - search.cost(rest) for o in options)])
+    prices = np.array([0.0, *(search.price(o.fit.terms) - search.price(rest.terms) for o in options)])
     shares = shared_belief(gains, prices)
     return dict(zip((NOTHING, *(o.effect for o in options)), shares.tolist(), strict=True))
 
