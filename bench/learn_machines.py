@@ -38,10 +38,8 @@ def _of(name: str, used: str, *logs: str) -> Recorded:
 
 
 _WHOLE = _recorded("silverbox test_multisine")
-_MULTISINE = replace(_WHOLE, signals=_WHOLE.signals | {"u_hold": "held"})
-_SAMPLED = replace(
-    _MULTISINE, name=f"{_MULTISINE.name}, u as sampled", signals=_MULTISINE.signals | {"u_hold": "sampled"}
-)
+_MULTISINE = replace(_WHOLE, hold="")
+_SAMPLED = replace(_WHOLE, name=f"{_WHOLE.name}, u as sampled")
 _STARTS = ("pos_0.06_1", "neg_0.04_1", "neg_0.045_1")
 _RUNS = ("sin_sin", "sin_time_square", "up_and_down")
 #: What is learnt from, and the logs that nothing saw; none: the second half of the same.

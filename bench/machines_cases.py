@@ -30,7 +30,7 @@ class Recorded:
     published : {name of a value: published value}, and `within` of it, a share. unknown : whether "unknown" at the end
     (or a step of inertia) is all that is asked for. regress, regress_hz, regress_signals : terms of a plain regression,
     which says what of these values is in the log at all (`machines_regression`), the end of its low-pass, and its
-    columns where they are others.
+    columns where they are others. hold : `u_hold`, where it is known.
     """
 
     name: str
@@ -46,12 +46,14 @@ class Recorded:
     regress: tuple[str, ...] = ()
     regress_hz: float = 4.0
     regress_signals: dict[str, str] = field(default_factory=dict)
+    hold: str = ""
     unknown: bool = False
     tau: float = 0.02
 
     def config(self) -> str:
         """dsd.toml: the columns, and a bare mass."""
         lines = ["[signals]", *(f'{name} = "{column}"' for name, column in self.signals.items())]
+        lines += [f'u_hold = "{self.hold}"'] if self.hold else []
         lines += ["[observer]", f"nominal_inertia = {self.inertia!r}", f"time_constant = {self.tau!r}"]
         return "\n".join([*lines, "[model]", f"inertia = {self.inertia!r}"]) + "\n"
 
@@ -88,13 +90,14 @@ def _silverbox(run: str) -> Recorded:
     return Recorded(
         f"silverbox {run}",
         (f"silverbox/{run}.parquet",),
-        {"time": "t_s", "u": "u_V", "velocity": "", "position": "position_V", "u_hold": "sampled"},
+        {"time": "t_s", "u": "u_V", "velocity": "", "position": "position_V"},
         5e-6,
         must=("viscous_friction", "stiffness", "cubic_stiffness"),
         must_not=("gravity", *STAND_INS),
         regress=(_J, _B, "stiffness.coefficient", "cubic_stiffness.coefficient"),
         regress_hz=200.0,
         tau=0.005,
+        hold="sampled",
     )
 
 
