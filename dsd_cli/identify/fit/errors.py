@@ -54,8 +54,10 @@ class Errors:
         return _rms(self.bank.acceleration[self._keep])
 
     def cancelled(self, fit: Fit, term: Term) -> bool:
-        """Whether others of a fit must hold this one: its force is more than u and J a together, rms."""
+        """Whether others of a fit must hold this one: its force, if it is one, is more than u and J a together, rms."""
         rows, at = self.bank.rows(fit.terms, fit.tap), fit.columns_of(term)
+        if at.start == at.stop:
+            return False
         force = mixed(rows[1 + at.start : 1 + at.stop], fit.total[at])
         return _rms(force[self._keep]) > self.force + whole_inertia(fit) * self.accelerates
 

@@ -161,8 +161,12 @@ class Evidence:
         return errors.rmse(one) ** 2 - errors.rmse(best) ** 2 < (POLICY.least_unknown * errors.force) ** 2
 
     def matters(self, before: Fit, after: Fit) -> bool:
-        """Whether going from one fit to the other is certain and of use."""
+        """Whether going from one fit to the other is certain and of use. A force that only others hold, and that no
+        more than any misfit shows, is of none: in a spring beside a weight is any small even function of the place."""
         if self.lead(before, after) < POLICY.least_gain:
+            return False
+        new = [t for t in after.terms if t.id not in {b.id for b in before.terms}]
+        if self.hardly_less(before, after) and any(self.problem.errors.cancelled(after, t) for t in new):
             return False
         spread = _events(before) != _events(after) or spread_over_blocks(self.gains(before, after))
         return spread and self.practical(before, after)
@@ -203,7 +207,7 @@ def in_common_terms(search: Evidence, fit: Fit) -> Fit:
     """With the commonest of the effects that do the same in place of each member: moved in one direction, dry friction
     and a load are one column, and so are viscous friction and its asymmetry. Over a small travel a weight is a load and
     a stiffness, and beside a stiffness that holds it a cubic one: these are taken where they explain more, and where
-    nothing but that stiffness holds the weight.
+    what nothing but that stiffness holds explains no more than any misfit.
 
     What is simpler and what is commoner may go round in a circle: it ends where it was before.
     """
@@ -225,8 +229,8 @@ def _one_commoner(search: Evidence, fit: Fit) -> Fit:
             if _as_good(search, Option(effect.id, other, search.evidence(other)), own):
                 return other
         if (plain := in_plain_laws(search, fit, term)) is not None:
-            lead = POLICY.least_gain if search.problem.errors.cancelled(fit, term) else 0.0
-            if own.evidence - search.evidence(plain) < lead:
+            others_hold_it = search.problem.errors.cancelled(fit, term)
+            if search.evidence(plain) > own.evidence or (others_hold_it and search.hardly_less(plain, fit)):
                 return plain
         for pair in _pairs(term.effect, [name for name in search.allowed if name not in here]):
             other = search.fit((*rest, *map(Term, pair)), fit.tap)
