@@ -39,24 +39,24 @@ def propose_numbers(
     rows, warned = len(loaded.log), len(loaded.warnings)
     loaded, noisy = _evened(by_updates(loaded), out, given)
     out.said += [*loaded.warnings[warned:], *noisy]
-    checked = check_log(
-        loaded.log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors, keys_of=_keys(out)
-    )
+
+    def looked_at() -> CheckResult:
+        return check_log(
+            loaded.log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors, keys_of=_keys(out)
+        )
+
+    checked = looked_at()
     if (turned := to_turn_u(checked)) and ("signals", "u_sign") not in out.values:  # the numbers are of u as it acts
         out.put("signals", "u_sign", -1, turned.what)
         out.comments["signals", "u_sign"] = f"# <- {turned.what}"
         loaded = replace(loaded, log=with_channels(loaded.log, u=-loaded.log["u"]))
         factors = {**factors, "u": -factors.get("u", 1.0)}
-        checked = check_log(
-            loaded.log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors, keys_of=_keys(out)
-        )
+        checked = looked_at()
     kind = next((one for one in checked.findings if one.hold), None)
     if kind is not None and kind.hold is not None and ("signals", "u_hold") not in out.values:
         out.put("signals", "u_hold", kind.hold, kind.what)
         loaded = replace(loaded, log=replace(loaded.log, u_hold=kind.hold))
-        checked = check_log(
-            loaded.log, None, None, loaded.restarts, dropped=loaded.dropped, factors=factors, keys_of=_keys(out)
-        )
+        checked = looked_at()
     loaded = _without_late(loaded, checked, out, given)
     log = loaded.log
     step = log.sample_time if loaded.regular else float(f"{checked.seconds / checked.samples:.4g}")

@@ -116,11 +116,14 @@ def _fails(found: Sequence[Finding]) -> bool:
 
 
 def _unusable(view: View) -> list[Finding]:
-    what = f"{len(view.log)} samples without a stretch of {SHORTEST}"
-    found = [] if view.stretches else [Finding(what, "log", "error", 1.0, "a longer log is needed")]
-    what, remedy = "neither d_hat nor velocity nor position", "name one of their columns in [signals]"
-    bare = not {"d_hat", "velocity", "position"} & view.log.channels.keys()
-    return [*found, Finding(what, "log", "error", 1.0, remedy)] if bare else found
+    found = []
+    if not view.stretches:
+        what = f"{len(view.log)} samples without a stretch of {SHORTEST}"
+        found.append(Finding(what, "log", "error", 1.0, "a longer log is needed"))
+    if not {"d_hat", "velocity", "position"} & view.log.channels.keys():
+        what = "neither d_hat nor velocity nor position"
+        found.append(Finding(what, "log", "error", 1.0, "name one of their columns in [signals]"))
+    return found
 
 
 def _leaning(parameters: Sequence[Parameter]) -> list[Finding]:

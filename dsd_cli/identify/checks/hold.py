@@ -72,20 +72,19 @@ def check_hold(stretches: Sequence[Stretch], band: Band, delay: float, hold: Hol
         return []
     held, sampled = (kind(spectra.w, delays, band.source) for kind in (_held, _sampled))
     rests = [float(spectra.rest(kind).min()) for kind in (held, sampled)]
-    early = samples - whole + np.linspace(-_AROUND, _AROUND, _TRIED)
-    if float(spectra.rest(_held(spectra.w, early, band.source)).min()) * WORSE < min(rests):
-        return []  # rather a held u that was logged late
     better = int(rests[1] < rests[0])
     found: Hold = "sampled" if better else "held"
     if found == hold or min(rests) > 1.0 - EXPLAINED or max(rests) < WORSE * min(rests):
         return []
+    early = samples - whole + np.linspace(-_AROUND, _AROUND, _TRIED)
+    if float(spectra.rest(_held(spectra.w, early, band.source)).min()) * WORSE < min(rests):
+        return []  # rather a held u that was logged late
     parts = [spectra.without(k) for k in range(0, len(spectra.u), max(len(spectra.u) // _LEAST, 1))]
     ratios = np.array([np.log(part.rest(held).min() / part.rest(sampled).min()) for part in parts])
     if abs(np.log(rests[0] / rests[1])) < CLEAR * float(jackknife(ratios)):
         return []
     like = "a continuous signal that was sampled" if better else "held from one sample to the next"
-    what, remedy = f"u looks like {like}", f'signals.u_hold = "{found}"'
-    return [Finding(what, "u", "warning", 0.9, remedy, first=True, hold=found)]
+    return [Finding(f"u looks like {like}", "u", "warning", 0.9, f'signals.u_hold = "{found}"', first=True, hold=found)]
 
 
 def _spectra(stretches: Sequence[Stretch], band: Band, ahead: int) -> _Spectra | None:

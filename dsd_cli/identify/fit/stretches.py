@@ -213,9 +213,9 @@ class Stretch:
 
     def part(self, command: Array, part: DelayTap, held: bool) -> Array:
         """One part of a delayed command."""
-        late = max(part.samples, 0)
-        mean = self.frame.mean_u(command, late * self.frame.log.sample_time)
-        mean = np.append(mean[(ahead := round(late - part.samples)) :], np.full(ahead, mean[-1]))
+        mean = self.frame.mean_u(command, max(part.samples, 0) * self.frame.log.sample_time)
+        if (ahead := -round(part.samples)) > 0:
+            mean = np.append(mean[ahead:], np.full(ahead, mean[-1]))
         if part.next is None:
             return self.acting(mean, not self.stepping, held)
         mean = mean * self.free if held else mean

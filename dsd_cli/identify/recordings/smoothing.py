@@ -34,8 +34,7 @@ MEAN_OF_SIX = np.array([11.0, -93.0, 802.0, 802.0, -93.0, 11.0]) / 1440.0
 SAMPLED_U = "sampled_u"
 #: Seed of the white noise that is interpolated as the channels are.
 _SEED = 20261122
-#: Slope of the polynomial through seven samples, per sample: the difference of the two beside one is 10 % less at an
-#: eighth of the sample rate.
+#: Slope of the polynomial through seven samples; a difference of two is 10 % less at an eighth of the sample rate.
 _SLOPE_OF_SEVEN = np.array([-1.0, 9.0, -45.0, 0.0, 45.0, -9.0, 1.0]) / 60.0
 #: Half widths that are tried, samples; 0 leaves the channel as it is.
 HALF_WIDTHS = (0, 2, 3, 4, 6, 8, 11, 15, 20, 28)
@@ -112,10 +111,10 @@ def smooth(x: Array, t: Array, known: ChannelNoise | None = None) -> Smoothed:
         found.widen(half, candidate, slope)
     value_noise = _spread(chosen, 0, noise, stamps) if chosen else noise
     slope_noise = _spread(max(chosen, 1), 1, noise, stamps)
-    made = Smoothed(found.value, found.slope, chosen, value_noise, slope_noise, found.spreads, found.slope_spreads)
-    if chosen or not stamps.regular:
-        return made
-    return replace(made, sharp=np.convolve(extended(x, 3), _SLOPE_OF_SEVEN[::-1], mode="valid") / stamps.step)
+    exact = not chosen and stamps.regular
+    sharp = np.convolve(extended(x, 3), _SLOPE_OF_SEVEN[::-1], mode="valid") / stamps.step if exact else None
+    spreads = found.spreads, found.slope_spreads
+    return Smoothed(found.value, found.slope, chosen, value_noise, slope_noise, *spreads, sharp)
 
 
 class _Stamps(NamedTuple):

@@ -287,6 +287,5 @@ def _as_good(search: Evidence, one: Option, best: Option) -> bool:
     if search.lead(one.fit, best.fit) < POLICY.least_gain:
         return saved > -ROUNDING
     simpler = saved > -ROUNDING and _simpler(get_effect(one.effect), get_effect(best.effect))
-    if simpler and search.hardly_less(one.fit, best.fit):
-        return True
-    return saved > ROUNDING and not search.practical(one.fit, best.fit)
+    misfit = simpler and search.hardly_less(one.fit, best.fit)
+    return misfit or (saved > ROUNDING and not search.practical(one.fit, best.fit))
