@@ -1,12 +1,14 @@
 """A u that was sampled, not held: said by every command that fits, and written by `init`."""
 
 import json
+import tomllib
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from tests.cli.rig import done
+from tests.identify.checks.test_hold import J, fast
 from tests.oracle import resonator
 
 CONFIG = (
@@ -47,3 +49,14 @@ def test_a_held_u_that_was_logged_a_row_late_is_late(folder: Path) -> None:
     table = np.column_stack([*swung.values()])
     np.savetxt(folder / "log.csv", table, delimiter=",", header=",".join(swung), comments="")
     assert "looks like" not in done("compare", "log.csv", cwd=folder).stderr
+
+
+def test_the_inertia_that_init_writes_is_that_of_a_sampled_u(tmp_path: Path) -> None:
+    """The integrals of the test have J = 0.2; that of a held u, of the same log, is another."""
+    log = fast(False, "velocity")
+    table = np.column_stack([log[name] for name in ("t", "u", "velocity")])
+    np.savetxt(tmp_path / "log.csv", table, delimiter=",", header="t,u,velocity", comments="")
+    done("init", "log.csv", "-o", "own.toml", cwd=tmp_path)
+    written = tomllib.loads((tmp_path / "own.toml").read_text())
+    assert written["signals"]["u_hold"] == "sampled"
+    assert written["observer"]["nominal_inertia"] == pytest.approx(J, rel=0.01)

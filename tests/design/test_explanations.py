@@ -1,10 +1,12 @@
 """Plants that the logs leave as likely."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from dsd_cli.design import left_open
 from dsd_cli.design.closed_loop import usual_loops
 from dsd_cli.design.expectation import ranges_within
 from dsd_cli.design.explanations import explanation_of, falling, grown, held
@@ -46,6 +48,21 @@ def test_what_the_logs_say_is_there_may_not_be_away() -> None:
     assert not known_sum().may_be(first, 2.0)
     assert not known_sum().may_be(both, 0.1)
     assert not known_sum().where(first, 0.4).may_be(np.array([0.0, 1.0, 0.0]), 0.0)
+
+
+def test_what_the_logs_say_nothing_of_is_open_as_far_as_their_forces_go(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two forces, of 0.08 and 0.03, of which the logs say the sum alone, to 0.001: what one has more the other has
+    less, by up to the largest of them, and the inverse of what the logs say has no such change."""
+    said = np.outer(_SUM, _SUM) / 0.001**2
+    fit = SimpleNamespace(total=np.array([0.08, 0.03, 0.0]))
+    monkeypatch.setattr(left_open, "information", lambda *_: SimpleNamespace(normal=said))
+    values = SimpleNamespace(fit=fit, covariance=np.linalg.pinv(said), model=PlantModel())
+    left = Left.by(SimpleNamespace(solver=SimpleNamespace(known=SimpleNamespace(fixed={}))), values)
+    first, both = np.array([1.0, 0.0, 0.0]), _SUM
+    assert left.may_be(first, 0.08)
+    assert left.may_be(first, -0.08)
+    assert left.where(first, 0.05).mean == pytest.approx([0.05, -0.05, 0.0], abs=1e-4)
+    assert not left.may_be(both, 0.004)
 
 
 def test_shapes_of_a_rival_reach_as_far_as_the_motion_may() -> None:
