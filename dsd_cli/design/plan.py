@@ -33,8 +33,9 @@ from dsd_cli.signals.log import Array
 
 #: Plants of each explanation in the search, and for what is said.
 _DRAWS_IN_SEARCH, _DRAWS_SAID = 2, 4
-#: s of a motion of which nobody said how long, and of one where nobody knows what is missing either.
-_USUAL = 10.0, 20.0
+#: s of a motion of which nobody said how long, and of one where nobody knows what is missing either. rad of the pace
+#: of a described loop that go by in a sample at most, where that is longer than one of the motion.
+_USUAL, _SLOW = (10.0, 20.0), 0.02
 
 Report = Callable[[str, float], None]
 
@@ -114,9 +115,8 @@ class _Asked:
         DataError : u cannot move the axis, or no motion keeps the limits.
         """
         search, wanted, room = self.search, self.wanted, self.room
-        names, problem = [e.name for e in targets.explanations], search.problem
+        names, problem, asked = [e.name for e in targets.explanations], search.problem, targets
         far = not targets.unknown and not wanted.names and "position" in unvisited(self.limits, problem.recordings)
-        asked = targets
         if not asked.nothing:
             targets = able_to_move(asked, room, problem.model, problem.recordings[0].sample_time, far=far)
         report("looking at motions", 0.1)
@@ -145,13 +145,14 @@ class _Asked:
         )
 
     def _loops(self, measure: Measure) -> tuple[Loop, ...]:
-        """The loop that is described, or usual ones."""
-        if self.wanted.controller is None:
+        """The loop that is described, or usual ones, in samples as long as motions have, where none acts faster."""
+        law, coarse = self.wanted.controller, self.room.step * max(int(LONGEST_STEP / self.room.step), 1)
+        if law is None:
             first, *others = (measure.targets.explanations[i].fitted for i in {0, *measure.likely})
             slowest = max(self.search.problem.model.delay, first.delay, *(plant.delay for plant in others))
-            step = self.room.step * max(int(LONGEST_STEP / self.room.step), 1)  # slow: no motion needs finer ones
-            return usual_loops(replace(first, delay=slowest), self.observer, step)
-        return (Loop(self.wanted.controller, replace(self.observer, sign=1), self.room.step, described=True),)
+            return usual_loops(replace(first, delay=slowest), self.observer, coarse)
+        step = coarse if coarse * law.pace(self.observer.nominal_inertia) <= _SLOW else self.room.step
+        return (Loop(law, replace(self.observer, sign=1), step, described=True),)
 
     def _verified(
         self, measure: Measure, parts: tuple[MotionSegment, ...], impossible: Sequence[Impossible]
@@ -248,8 +249,7 @@ def _motion(measure: Measure, led: PlantModel, position: Array, room: Room, want
     """The reference at the samples of the user's controller: at rest until u can act, so that it begins with the u that
     holds the axis there."""
     step = measure.like.template.sample_time if math.isnan(wanted.rate) else wanted.rate
-    position = np.pad(position, (_steps_of_delay(measure, room), 0), mode="edge")
-    path = Path.of(position, room.step).resampled(step)
+    path = Path.of(np.pad(position, (_steps_of_delay(measure, room), 0), mode="edge"), room.step).resampled(step)
     u = np.clip(command_for(led, path), -room.limits.u, room.limits.u)
     return Motion(step, path.position, path.velocity, np.gradient(path.velocity, step), u)
 

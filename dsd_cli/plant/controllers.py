@@ -59,6 +59,13 @@ class ControllerSettings:
         if not self.limit > 0.0:
             raise UsageError(f"controller.limit = {self.limit:g}", "must be above 0")
 
+    def pace(self, inertia: float) -> float:
+        """rad/s up to which the loop acts on an axis: where its gains cross over; inf with the standard observer, whose
+        Q is the loop, and in open loop, whose u is anything."""
+        if self.kind in ("observer", "open_loop"):
+            return math.inf
+        return max(self.gains.kd / inertia, math.sqrt(max(self.gains.kp, 0.0) / inertia))
+
 
 class Measured(NamedTuple):
     """One sample of the loop: reference and its rate, measured position and velocity, d_hat of eq. 13's sign, and
