@@ -103,8 +103,8 @@ class Solver:
         *,
         inverse: bool = False,
     ) -> None:
-        self.bank, self.blocks, self.inertia = bank, blocks, inertia
-        self.known, self.variance, self.inverse = known or PriorKnowledge(), variance, inverse
+        self.bank, self.blocks, self.inertia, self.known = bank, blocks, inertia, known or PriorKnowledge()
+        self.variance, self.inverse, self._squares = variance, inverse, dict[int, dict[Terms, float]]()
         self._grown = partial(grown, bank) if inverse else lambda *_: np.ones(1)
 
     def on(self, bank: Bank, variance: float = 0.0, blocks: Blocks | None = None) -> Solver:
@@ -124,11 +124,10 @@ class Solver:
         return self._left(terms, tap, design, total_gram(design.rows)) + self.pull(terms)
 
     def squares_of(self, sets: Sequence[Terms], tap: int) -> dict[Terms, float]:
-        """`squares` of many sets: inner products of the columns that they share are summed once."""
-        alike: dict[Any, list[Terms]] = {}
-        for terms in sets:
+        """`squares` of many sets: inner products of the columns that they share are summed once, and none twice."""
+        alike, found = dict[Any, list[Terms]](), self._squares.setdefault(tap, {})
+        for terms in [one for one in sets if one not in found]:
             alike.setdefault((inputs_of(terms), has_friction(terms)), []).append(terms)
-        found = {}
         for group in alike.values():
             every = tuple(dict.fromkeys(term for terms in group for term in terms))
             design = self.bank.design(every, tap)
@@ -136,7 +135,7 @@ class Solver:
             for terms in group:
                 rows, part = _part(design, every, terms)
                 found[terms] = self._left(terms, tap, part, total[np.ix_(rows, rows)]) + self.pull(terms)
-        return found
+        return {terms: found[terms] for terms in sets}
 
     @once
     def fit(self, terms: Terms, tap: int, whole_steps: bool = False) -> Fit:

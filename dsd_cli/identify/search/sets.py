@@ -65,10 +65,9 @@ class Search(Evidence):
     def converged(self, fit: Fit) -> Fit:
         """With the shapes of all effects refined until that gains nothing any more."""
         for _ in range(MOST_REFINEMENTS):
-            better = self.refined(fit)
-            if better.squares > (1.0 - STALLED) * fit.squares:
-                return better
-            fit = better
+            before, fit = fit, self.refined(fit)
+            if fit.squares > (1.0 - STALLED) * before.squares:
+                break
         return fit
 
     @once
@@ -158,9 +157,9 @@ class Search(Evidence):
         current = start
         while (there := len(self.added(current.terms))) < POLICY.most_effects:
             report(there / POLICY.most_effects)
-            options = self.options(current)
+            options = tuple(self.options(current))
             every = [(o, get_effect(o.effect)) for o in options]
-            laws = [o for o, e in every if not (e.of_time or (self.solver.inverse and grows_with_u(e)))]
+            laws = tuple(o for o, e in every if not (e.of_time or (self.solver.inverse and grows_with_u(e))))
             reached = self._forward(current, laws) or self._forward(current, options)
             if not reached:
                 break
@@ -189,7 +188,8 @@ class Search(Evidence):
         at = [i for i, t in enumerate(fit.terms) if t.effect.valley]
         return self.fit(*refined(self, fit.terms, at[0], fit.tap, near=True)) if at else fit
 
-    def _forward(self, current: Fit, options: Sequence[Option]) -> list[Fit]:
+    @once
+    def _forward(self, current: Fit, options: tuple[Option, ...]) -> list[Fit]:
         """Sets with one effect more, or two, that matter."""
         forward = preferred(self, [o for o in options if self.matters(current, o.fit)])
         reached = [self.settled(forward.fit, current)] if forward is not None else []
