@@ -136,24 +136,28 @@ def test_a_member_that_is_rather_there_than_not_comes_before_one_with_more_evide
 
 
 @pytest.mark.parametrize(
-    ("left_on", "belief", "more", "named"),
+    ("effect", "left_on", "belief", "more", "named"),
     [
-        (("velocity",), 0.9, 0.9, "cogging"),
-        (("position",), 0.9, 0.9, "unknown"),
-        (("position", "time"), 0.9, 0.9, "unknown"),
-        (("velocity",), 0.06, 0.9, "cogging"),
-        (("velocity",), 0.04, 0.9, "unknown"),
-        (("velocity",), 0.04, 0.01, "cogging"),
+        ("cogging", ("velocity",), 0.9, 0.9, True),
+        ("cogging", ("position",), 0.9, 0.9, True),
+        ("cogging", ("position",), 0.4, 0.9, False),
+        ("periodic_disturbance", ("position", "time"), 0.9, 0.9, False),
+        ("periodic_disturbance", ("position",), 0.9, 0.9, False),
+        ("cogging", ("velocity",), 0.06, 0.9, True),
+        ("cogging", ("velocity",), 0.04, 0.9, False),
+        ("cogging", ("velocity",), 0.04, 0.01, True),
     ],
 )
 def test_a_name_stands_for_what_is_left_by_its_channels_or_by_how_little_it_is_believed(
-    left_on, belief, more, named, monkeypatch
+    effect, left_on, belief, more, named, monkeypatch
 ):
-    """Half of the power is left, by the velocity: cogging does not stand in for that. By the position it may. Where a
-    force without a name is likelier no name is given that the log leaves less belief than any had before it."""
+    """Half of the power is left. A law that is rather there than not, functions of its own channels weighed, is named;
+    one that is rather not, where what is left is of its channels, is none, nor is a line in time, which any law is on a
+    motion that repeats. Where a force without a name is likelier no name is given that the log leaves less belief than
+    any had before it."""
     for name, stand_in in {
         "__init__": lambda _self: None,
-        "_first": lambda _self: "cogging",
+        "_first": lambda _self: effect,
         "_lowers": lambda _self, _name: True,
         "_unknown": lambda _self: ("unknown", 0.9),
         "_share_of_possible": lambda _self, _before, _after: 0.5,
@@ -168,10 +172,10 @@ def test_a_name_stands_for_what_is_left_by_its_channels_or_by_how_little_it_is_b
     verdict.named_part = None
     verdict.problem = SimpleNamespace(errors=SimpleNamespace(rmse=lambda _: 1.0))
     verdict.shown, verdict._named_for, verdict.doubted = SimpleNamespace(settings=None), {}, ""
-    verdict.members = {"cogging": Membership("cogging", {"cogging": belief}, ())}
+    verdict.members = {effect: Membership(effect, {effect: belief}, ())}
     verdict.beyond = Discrepancy(left_on, 0.5, True, 0.1, 1.0)
-    assert verdict._of_members() == (named, belief if named == "cogging" else 0.9)
-    assert verdict.doubted == ("cogging" if named == "unknown" else "")
+    assert verdict._of_members() == ((effect, belief) if named else ("unknown", 0.9))
+    assert verdict.doubted == ("" if named else effect)
 
 
 def test_what_the_verdict_takes_the_place_of_is_no_surer_than_the_verdict(monkeypatch):

@@ -6,7 +6,6 @@ import math
 from dataclasses import replace
 
 from dsd_cli.effects import get_effect
-from dsd_cli.identify.fit.direction import needs_acceleration
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import Fitted
 from dsd_cli.identify.policy import POLICY
@@ -121,8 +120,9 @@ class Verdict:
         begun = before_climb(self.search, self.whole, self.beyond, self.shown.settings, best)
         known = self._share_of_possible(rmse(begun), rmse(self.whole))
         named = min(group, key=lambda name: get_effect(name).rarity)
-        doubtful = self.beyond.of_channels(best) or needs_acceleration(named)
         belief = probability_of(member, member.drawn(named), self.surest)
+        unsure = self.beyond.of_channels(best) and probability_of(member, member.place, self.surest) < POLICY.even
+        doubtful = get_effect(named).of_time or unsure  # on a motion that repeats any law is one of time
         more = unexplained_of(self.search, self.named_part, self.beyond).probability
         first, before = begun is self.search.refit, math.exp(-POLICY.effect_price)  # a set that is taken is taken whole
         if member.imitates or (doubtful and known < POLICY.share_of_possible) or (first and belief < min(more, before)):
