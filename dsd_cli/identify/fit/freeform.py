@@ -85,7 +85,7 @@ class FreeformFits:
     Pulses of the fit keep their coefficients, in every fold as in the fit itself. base : what is explained, and the
     columns that explain it; owners : the effect of each of these, or `DELAY`, "" of what is neither's. apart : see
     `basis`. made : hats in the unit of u, by what they are functions of. explained : u without the error of a fit, in
-    rows, of which functions of u are in the inverse form: those of u itself would take it away.
+    rows, of which functions of u are in the inverse form: those of u itself would take it away. Empty in the other.
     """
 
     equations: Equations
@@ -95,7 +95,7 @@ class FreeformFits:
     owners: Sequence[str]
     pieces: Sequence[Piece]
     apart: float = APART
-    explained: Sequence[Piece] = ()
+    explained: Array = field(default_factory=lambda: np.zeros(0))
     made: dict[Any, tuple[list[Array], Array]] = field(default_factory=dict)
     _grams: dict[tuple[tuple[str, ...], bool], Grams] = field(init=False, default_factory=dict)
 
@@ -140,8 +140,7 @@ class FreeformFits:
 
     def _left(self, found: Grams, penalty: Array) -> Iterator[Array]:
         """Held-out squares per block with the hats that come last, at each strength of the penalty."""
-        hats = len(penalty)
-        fixed = found.total.shape[-1] - 1 - hats
+        hats, fixed = len(penalty), found.total.shape[-1] - 1 - len(penalty)
         for strength in STRENGTHS:
             ridge = 1e-9 * np.eye(fixed + hats)
             ridge[fixed:, fixed:] += strength * (BENDS * penalty + SIZE * np.eye(hats))
@@ -170,11 +169,12 @@ class FreeformFits:
         """Hats as rows in the unit of u, and the penalty on their bends, (c, c)."""
         held, of_u = has_friction(self.fit.terms), not {"u", GAIN}.isdisjoint(on)
         key = (on, held, self.fit.tap if of_u else None, self.apart, self.blocks.count)
-        if key not in self.made:
+        if key not in self.made and on == ("u",) and self.fit.inverse:
+            self.made[key] = _bends_of_a_drive(self.explained)
+        elif key not in self.made:
             raw, penalty = self._raw(on)
             every = ([units.column(i) for units in raw] for i in range(raw[0].size))
-            explained, act = of_u and self.fit.inverse, self.equations.acting
-            self.made[key] = [x[0] if explained else act(x, smooth=False, held=held) for x in every], penalty
+            self.made[key] = [self.equations.acting(x, smooth=False, held=held) for x in every], penalty
         return self.made[key]
 
     def _raw(self, on: tuple[str, ...]) -> tuple[list[Units], Array]:
@@ -186,8 +186,7 @@ class FreeformFits:
         if on[0] == GAIN:
             return self._gain(on[1], min(HATS, most))
         if len(on) == 1:
-            pieces = self.explained if on == ("u",) and self.fit.inverse else self.pieces
-            return basis(pieces, on, [min(FINE_HATS if on == ("position",) else HATS, most)], self.apart)
+            return basis(self.pieces, on, [min(FINE_HATS if on == ("position",) else HATS, most)], self.apart)
         return basis(self.pieces, on, [min(HATS_IN_PAIR, max(math.isqrt(most), 2))] * len(on), self.apart)
 
     def _gain(self, channel: str, count: int) -> tuple[list[Units], Array]:
@@ -225,8 +224,13 @@ def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, in
         at += width
     late = delayed(bank.equations, (), fit.tap * bank.tap_time)
     pieces = [piece_of(s, u) for s, u in zip(bank.equations.stretches, late, strict=True)]
-    explained = [Piece({"u": drive - error}, np.full(len(drive), np.nan))]
-    return FreeformFits(equations, blocks, fit, [target, *base], owners, pieces, APART, explained, dict(bank.hats))
+    return FreeformFits(equations, blocks, fit, [target, *base], owners, pieces, APART, drive - error, dict(bank.hats))
+
+
+def _bends_of_a_drive(u: Array) -> tuple[list[Array], Array]:
+    """Of a gain that is no constant. Hats bend nowhere beyond the u that they have seen, and blocks are held out."""
+    share = u / max(float(np.abs(u).max()), 1e-300)
+    return [u * np.abs(share), u * share, u * share**2], np.zeros((3, 3))
 
 
 def piece_of(stretch: Stretch, u: Array) -> Piece:
@@ -240,8 +244,8 @@ def piece_of(stretch: Stretch, u: Array) -> Piece:
 
 def rich_residual(fits: FreeformFits) -> Array:
     """Residual of a fit with functions of every single channel at once; rows in the unit of u."""
-    columns = [*fits.base[1:], *(x for on in fits.groups() if len(on) == 1 for x in fits.columns(on)[0])]
-    rows = [fits.base[0], *columns]
-    theta = solve(total_gram(rows)[None], SIZE)[0]
-    used = min(len(columns) / max(len(rows[0]), 1), MOST_USED)  # degrees of freedom: a fit leaves less than the noise
-    return np.asarray((rows[0] - mixed(columns, theta)) / math.sqrt(1.0 - used))
+    functions = (x for on in fits.groups() if len(on) == 1 for x in fits.columns(on)[0])
+    target, columns = fits.base[0], [*fits.base[1:], *functions]
+    theta = solve(total_gram([target, *columns])[None], SIZE)[0]
+    used = min(len(columns) / max(len(target), 1), MOST_USED)  # degrees of freedom: a fit leaves less than the noise
+    return np.asarray((target - mixed(columns, theta)) / math.sqrt(1.0 - used))

@@ -132,7 +132,7 @@ class UnnamedLaws:
         channels acts instead); the rest is that of functions of other channels, or of nothing, instead."""
         search, fit, fits = self._part
         own = set(member.effect.needs or ("time",))
-        of_u = [("u",)] if fit.inverse and "u" in own else []
+        of_u = [("u",)] if fit.inverse and "u" in own else []  # a gain that falls with u passes for such friction
         groups = [g for g in fits.groups() if "u" in own or "u" not in g] + of_u  # a loop's u answers whatever acts
         of_own = [own <= {"u" if name == GAIN else name for name in group} for group in groups]
         rest = search.without(fit, member)
@@ -146,9 +146,6 @@ class UnnamedLaws:
         likeliest = min(squares, key=lambda left: float(left.sum()))
         gains = np.stack([search.gained(likeliest, left) for left in squares]) / search.by_chance(rest, fit)
         shares = shared_belief(gains, np.array(prices))
-        if of_u:  # a drive whose gain falls with u does all that a function of u does: it must pay beside one
-            both = [i for i, on in enumerate((*beside, *instead)) if on in of_u]
-            shares *= shared_belief(gains[both], np.array(prices)[both])[0]
         parts = [(float(share), self._part_beside(member, on)) for share, on in zip(shares, beside, strict=False)]
         return parts, float(shares[len(beside) + 1 :][of_own].sum())
 
