@@ -69,7 +69,7 @@ def add(
         progress(f"fitting with {effect}")
         added, force = _added(given, effect)
     report = AdditionReport(added, tuple(log), apart, output, force)
-    text = with_steps(origin.text, added.before, [added_step(added)], log, added.units, report.values)
+    text = with_steps(origin.text, added.before, [added_step(added)], log, added.units)
     text, of_states = put_states(text, given, added.model, states)
     put_config(output, text, origin)
     warn(quiet, (*given.warnings, *added.warnings, *caveats(report)))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -58,32 +57,26 @@ def put_config(output: str, text: str, origin: Origin | None = None) -> None:
         write_text(output, text, origin)
 
 
-def with_steps(
-    text: str, start: Score, steps: Sequence[Step], logs: Sequence[str], units: Units, said: Estimates | None = None
-) -> str:
-    """The config after these steps, each in its history; `units` are those that their estimates are in. said : values
-    whose standard errors the history has, as what is printed; None: those of the steps."""
+def with_steps(text: str, start: Score, steps: Sequence[Step], logs: Sequence[str], units: Units) -> str:
+    """The config after these steps, each in its history; `units` are those that their estimates are in."""
     from dsd_cli.files.config.edit import with_model, with_step
 
     score = start
     for step in steps:
         changed = with_model(text, step.model, step.estimates)
-        text = with_step(
-            changed, _record(step, score, logs, units, step.estimates if said is None else said), before=text
-        )
+        text = with_step(changed, _record(step, score, logs, units), before=text)
         score = step.score
     return text
 
 
-def _record(step: Step, before: Score, logs: Sequence[str], units: Units, said: Estimates) -> History:
+def _record(step: Step, before: Score, logs: Sequence[str], units: Units) -> History:
     from dsd_cli.files.config import History
     from dsd_cli.files.config.edit import now, rounded
     from dsd_cli.report.ladder import own
     from dsd_cli.report.names import number_or_none
 
     estimates, gone = own(step), step.kind == "taken back"
-    errors = {name: number_or_none(e.std_error) for name, e in own(replace(step, estimates=said)).items()}
-    known = {name: rounded(e.std_error, e.std_error) for name, e in said.items() if number_or_none(e.std_error)}
+    errors = {name: number_or_none(e.std_error) for name, e in estimates.items()}
     listed = {k: v for k, v in step.model.effects.get(step.effect, {}).items() if isinstance(v, list | tuple)}
     values = {
         name: rounded(e.value, e.std_error) for name, e in estimates.items() if number_or_none(e.value) is not None
@@ -100,13 +93,15 @@ def _record(step: Step, before: Score, logs: Sequence[str], units: Units, said: 
         values={**values, **listed},
         std_errors={name: rounded(e, e) for name, e in errors.items() if e},
         fitted={name: rounded(e.value, e.std_error) for name, e in step.estimates.items()},
-        fitted_errors=known,
+        fitted_errors={
+            name: rounded(e.std_error, e.std_error) for name, e in step.estimates.items() if number_or_none(e.std_error)
+        },
         fitted_correlations={
             name: {
                 other: round(r, CORRELATION_DIGITS) for other, r in e.correlations.items() if other in step.estimates
             }
-            for name, e in said.items()
-            if e.correlations and name in known
+            for name, e in step.estimates.items()
+            if e.correlations
         },
         units=_units(step.estimates, units),
         levels={x.deviations.name: [rounded(e.value, e.std_error) for e in x.values] for x in step.levels},

@@ -43,20 +43,9 @@ def test_the_new_config_has_the_effect_the_comments_and_the_history(rig: Path, e
         0.402,
         0.113,
     )
-    assert (dict(step.values), dict(step.std_errors), dict(step.fitted_errors)) == ({"level": 0.52}, {}, {})
+    assert (dict(step.values), dict(step.std_errors)) == ({"level": 0.52}, {"level": 0.03})
     assert undone(text) == CONFIG
     assert (rig / "dsd.toml").read_text() == CONFIG
-
-
-def test_where_nothing_more_is_missing_the_history_has_the_errors_that_are_printed(
-    rig: Path, engine: Engine, capsys
-) -> None:
-    engine.addition = replace(ADDITION, after=replace(ADDITION.after, heldout_rmse=1e-12))
-    assert run("add", "a.csv", "coulomb_friction", "-o", "better.toml", "--format", "json", "-q") == 0
-    printed = json.loads(capsys.readouterr().out)["estimates"]
-    (step,) = load_config(rig / "better.toml").history
-    assert dict(step.std_errors) == {"level": 0.03}
-    assert dict(step.fitted_errors) == {n: e["std_error"] for n, e in printed.items() if e["std_error"]}
 
 
 def test_json(rig: Path, engine: Engine, capsys) -> None:
