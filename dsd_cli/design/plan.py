@@ -147,11 +147,11 @@ class _Asked:
     def _loops(self, measure: Measure) -> tuple[Loop, ...]:
         """The loop that is described, or usual ones, in samples as long as motions have, where none acts faster."""
         law, coarse = self.wanted.controller, self.room.step * max(int(LONGEST_STEP / self.room.step), 1)
+        first, *others = (measure.targets.explanations[i].fitted for i in {0, *measure.likely})
         if law is None:
-            first, *others = (measure.targets.explanations[i].fitted for i in {0, *measure.likely})
             slowest = max(self.search.problem.model.delay, first.delay, *(plant.delay for plant in others))
             return usual_loops(replace(first, delay=slowest), self.observer, coarse)
-        step = coarse if coarse * law.pace(self.observer.nominal_inertia) <= _SLOW else self.room.step
+        step = coarse if coarse * law.pace(min(p.inertia for p in (first, *others))) <= _SLOW else self.room.step
         return (Loop(law, replace(self.observer, sign=1), step, described=True),)
 
     def _verified(

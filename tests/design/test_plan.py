@@ -17,7 +17,7 @@ from dsd_cli.design.measure import Measure
 from dsd_cli.design.motions import Room
 from dsd_cli.design.next_log import expected_of
 from dsd_cli.design.optimise import Sized
-from dsd_cli.design.plan import Wanted, plan_next
+from dsd_cli.design.plan import Wanted, _Asked, plan_next
 from dsd_cli.design.results import Plan
 from dsd_cli.design.targets import targets_of, within_reach
 from dsd_cli.errors import DataError, UsageError
@@ -936,3 +936,17 @@ def test_a_rival_has_one_choice_of_values_for_logs_and_motion() -> None:
     search, *fits = asked(logs)
     right, spring = (search.nats(fit.squares) for fit in fits)
     assert first.expected(other.of_logs).nats[0, 1] == pytest.approx(spring - right, rel=0.1)
+
+
+@pytest.mark.parametrize(("inertia", "step"), [(10.0, 0.005), (0.01, 0.001)])
+def test_a_described_loop_has_samples_for_the_lightest_plant(inertia, step):
+    """Gains of 4 on J = 0.01 cross over at 400 rad/s, 2 rad in 5 ms, whatever Jn the config has; on 10 at 0.6."""
+    plants = [SimpleNamespace(fitted=PlantModel(j, 0.0, {})) for j in (10.0, inertia)]
+    asked: Any = SimpleNamespace(
+        wanted=SimpleNamespace(controller=ControllerSettings("pd", Gains(4.0, 4.0))),
+        observer=ObserverSettings(10.0, 0.01),
+        room=SimpleNamespace(step=0.001),
+    )
+    measure: Any = SimpleNamespace(targets=SimpleNamespace(explanations=plants), likely=(1,))
+    (loop,) = _Asked._loops(asked, measure)
+    assert loop.step == pytest.approx(step)
