@@ -121,7 +121,7 @@ class Verdict:
         known = self._share_of_possible(rmse(begun), rmse(self.whole))
         named = min(group, key=lambda name: get_effect(name).rarity)
         belief = probability_of(member, member.drawn(named), self.surest)
-        unsure = self.beyond.of_channels(best) and probability_of(member, member.place, self.surest) < POLICY.even
+        unsure = self.beyond.of_channels(best) and probability_of(member, member.place, self.surest) <= POLICY.even
         doubtful = get_effect(named).of_time or unsure  # on a motion that repeats any law is one of time
         more = unexplained_of(self.search, self.named_part, self.beyond).probability
         first, before = begun is self.search.refit, math.exp(-POLICY.effect_price)  # a set that is taken is taken whole
