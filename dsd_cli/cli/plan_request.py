@@ -22,9 +22,6 @@ if TYPE_CHECKING:
     from dsd_cli.plant.controllers import ControllerSettings
     from dsd_cli.report.planning import Experiment
 
-    #: A diagnosis, its search and the set that it found.
-    Diagnosed = tuple[Diagnosis, Search, Fit]
-
 #: What --seconds stands for, and the least that a motion can have.
 _LENGTHS, _LEAST_SECONDS, _MOST_SECONDS = 5, 1.0, 600.0
 
@@ -219,12 +216,10 @@ def plan_for(
     progress: Progress,
     on_told: Callable[..., None] = lambda _: None,
     told: Told | None = None,
-    done: Diagnosed | None = None,
 ) -> tuple[Plan, Diagnosis]:
     """The plan in the user's units, and the diagnosis that it begins with.
 
-    A file of `dsd diagnose` that leaves open what the logs do asks for nothing else; else it asks by names. done : that
-    diagnosis, where there is one already.
+    A file of `dsd diagnose` that leaves open what the logs do asks for nothing else; else it asks by names.
 
     Raises
     ------
@@ -232,22 +227,6 @@ def plan_for(
     """
     from dsd_cli.design.plan import plan_next
     from dsd_cli.identify.fit.testability import constant_u
-
-    found, search, whole = done or _diagnosed(given, progress, on_told)
-    skipped: tuple[str, ...] = ()
-    if told is not None and not told.same_as(found):
-        names, skipped = _possible(told, search)
-        wanted = replace(wanted, names=names)
-    if not wanted.names and found.blocked and not constant_u(given.recordings):  # that a motion does mend
-        raise UsageError("no motion mends this", found.blocked)
-    band = search.equations.band.hz
-    if wanted.rate > (longest := 0.5 / band):
-        raise UsageError(f"--sample-time {wanted.rate:g}", f"motions go up to {band:.3g} Hz: at most {longest:.3g} s")
-    plan = plan_next(search, whole, found, given.observer, wanted, progress)
-    return replace(plan, units=given.settings.signals.units, warnings=(*plan.warnings, *skipped)), found
-
-
-def _diagnosed(given: Given, progress: Progress, on_told: Callable[..., None]) -> Diagnosed:
     from dsd_cli.identify.verdict.diagnose import diagnose
 
     kept: list[tuple[Search, Fit]] = []
@@ -260,7 +239,17 @@ def _diagnosed(given: Given, progress: Progress, on_told: Callable[..., None]) -
         on_told=on_told,
         on_found=lambda search, whole: kept.append((search, whole)),
     )
-    return found, *kept[-1]
+    skipped: tuple[str, ...] = ()
+    if told is not None and not told.same_as(found):
+        names, skipped = _possible(told, kept[-1][0])
+        wanted = replace(wanted, names=names)
+    if not wanted.names and found.blocked and not constant_u(given.recordings):  # that a motion does mend
+        raise UsageError("no motion mends this", found.blocked)
+    band = kept[-1][0].equations.band.hz
+    if wanted.rate > (longest := 0.5 / band):
+        raise UsageError(f"--sample-time {wanted.rate:g}", f"motions go up to {band:.3g} Hz: at most {longest:.3g} s")
+    plan = plan_next(*kept[-1], found, given.observer, wanted, progress)
+    return replace(plan, units=given.settings.signals.units, warnings=(*plan.warnings, *skipped)), found
 
 
 def _possible(told: Told, search: Search) -> tuple[tuple[str, ...], tuple[str, ...]]:

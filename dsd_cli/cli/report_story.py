@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -53,7 +53,6 @@ from dsd_cli.report.verdict import once_late
 
 if TYPE_CHECKING:
     from dsd_cli.cli.labels_out import Write
-    from dsd_cli.cli.plan_request import Diagnosed
 
 T = TypeVar("T")
 
@@ -143,7 +142,6 @@ class Teller:
     learn: bool = False
     warnings: list[str] = field(default_factory=list)
     law: Learnt | None = None
-    done: Diagnosed | None = None
 
     def attempt(self, what: str, run: Callable[[], T]) -> Outcome[T]:
         """The result, or why there is none; that is said on stderr too."""
@@ -207,12 +205,10 @@ class Teller:
             return Outcome(None, "")
         known, wanted = given.value, request(self.config, (), (None, (), None, None)).wanted
         with Progress(not self.quiet) as progress:
-            done = None if known.holdout else self.done  # no plan sees what is held out
-            return self.attempt("plan", lambda: plan_for(known, wanted, progress, done=done)[0])
+            return self.attempt("plan", lambda: plan_for(known, wanted, progress)[0])
 
     def _climbed(self, given: Given, first: list[Diagnosis]) -> LadderReport:
         """`improve --auto`; the first diagnosis goes into `first`."""
-        kept: list[tuple[Any, Any]] = []
 
         def choose(diagnosis: Diagnosis) -> str | None:
             first.append(diagnosis)
@@ -229,13 +225,11 @@ class Teller:
                 choose=choose,
                 on_step=on_step,
                 progress=progress,
-                on_found=lambda *end: kept.extend([] if first else [end]),
             )
             ladder: Ladder = in_units(found, given.settings.signals.units)
             if self.learn:
                 ladder, self.law = with_learnt(ladder, given, progress)
         first[:] = [first[0] if first else found.last]
-        self.done = (first[0], *kept[-1])
         held_out = validated(given, ladder) if given.holdout else ()
         return LadderReport(ladder, self.logs, None, given.dropped, given.warnings, held_out)
 
@@ -257,7 +251,8 @@ class _StepLines:
 def _compared(given: Given) -> Report:
     config = given.settings
     aside = given.holdout[0] if len(given.holdout) == 1 else None  # of several, improve's validation speaks
-    found, _ = compare(given.recordings, given.model, given.observer, config.detector.window, aside)
+    window = config.detector.window
+    found, _ = compare(given.recordings, given.model, given.observer, window, aside)
     return Report(replace(found, units=config.signals.units), dropped=given.dropped)
 
 

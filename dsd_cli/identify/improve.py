@@ -27,7 +27,7 @@ from dsd_cli.identify.results import (
     StepKind,
 )
 from dsd_cli.identify.verdict.contradictions import beside_told, kept_values
-from dsd_cli.identify.verdict.diagnose import Found, Progress, Settings, Told, diagnose, prior_check
+from dsd_cli.identify.verdict.diagnose import Progress, Settings, Told, diagnose, prior_check
 from dsd_cli.identify.verdict.levels import log_levels, said_of
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 
@@ -46,13 +46,12 @@ def improve(
     on_step: Callable[[Step], None] = lambda _: None,
     progress: Progress | None = None,
     on_told: Told = lambda _: None,
-    on_found: Found = lambda _search, _whole: None,
 ) -> Ladder:
     """Diagnose, add what `choose` says, measure again; every step lowers the held-out error, but for one that only the
     response above the band identifies: that one must not raise it by more than `POLICY.least_fall`.
 
     choose : gets a diagnosis, gives the effect (or value) to take, or None to stop.
-    on_step : called with every rung, the model as given first. on_told, on_found : see `diagnose`.
+    on_step : called with every rung, the model as given first. on_told : see `diagnose`.
 
     Raises DataError, UsageError : as `diagnose`.
     """
@@ -61,8 +60,7 @@ def improve(
     climb.told_again(model, report, on_told)
     refused: list[str] = []
     while True:
-        asked = climb.settings.without(refused)
-        last = diagnose(recordings, model, observer, asked, holdout, progress, on_found=on_found)
+        last = diagnose(recordings, model, observer, climb.settings.without(refused), holdout, progress)
         recordings, holdout = climb.as_asked(last)
         if last.mended is not None and not climb.settings.against and climb.told_again(model, report, on_told):
             continue
@@ -78,9 +76,10 @@ def improve(
             values = ", ".join(last.stand_ins.get(last.verdict, ()))
             not_taken = f"{last.verdict} may only stand in for {values}" if values else ""
             return climb.ladder(last, stop or not_taken or "stopped before the next step was taken")
-        if chosen in (INERTIA, DELAY, *model.effects):
-            if not climb.lowered_by(last.refitted):
-                return climb.ladder(last, f"{chosen} is fitted already: the held-out error does not fall")
+        own = chosen in (INERTIA, DELAY) or chosen in model.effects
+        if own and not climb.lowered_by(last.refitted):
+            return climb.ladder(last, f"{chosen} is fitted already: the held-out error does not fall")
+        if own:
             model = climb.up(chosen, last.refitted, last.refitted_values, last.refitted_model)
             continue
         taken = next((c for c in last.ranking if c.effect == chosen), None)
@@ -130,7 +129,8 @@ class _Climb:
         self, effect: str, score: Score, values: Estimates, model: PlantModel, kind: StepKind = "added"
     ) -> PlantModel:
         """One more rung; the model that stands on it."""
-        step = Step(len(self.steps), effect, score, values, model, _KINDS.get(effect, kind), self._with_mean(values))
+        kind = _KINDS.get(effect, kind)
+        step = Step(len(self.steps), effect, score, values, model, kind, self._with_mean(values))
         self.steps.append(step)
         self.on_step(step)
         return model
