@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -27,17 +27,17 @@ from dsd_cli.errors import DataError
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.results import Diagnosis
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.task import Progress
 from dsd_cli.plant.controllers import ControllerSettings
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Array
 
 #: Plants of each explanation in the search, and for what is said.
 _DRAWS_IN_SEARCH, _DRAWS_SAID = 2, 4
-#: s of a motion of which nobody said how long, and of one where nobody knows what is missing either. rad of the pace
-#: of a described loop that go by in a sample at most, where that is longer than one of the motion.
-_USUAL, _SLOW = (10.0, 20.0), 0.02
-
-Report = Callable[[str, float], None]
+#: s of a motion of which nobody said how long, and of one where nobody knows what is missing either.
+_USUAL = 10.0, 20.0
+#: rad at the pace of a described loop that a sample has at most, where it is longer than one of the log.
+_SLOW = 0.02
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ def plan_next(
     diagnosis: Diagnosis | None,
     observer: ObserverSettings,
     wanted: Wanted,
-    report: Report = lambda _what, _share: None,
+    report: Progress = lambda _what, _share: None,
 ) -> Plan:
     """The next motion.
 
@@ -107,7 +107,7 @@ class _Asked:
     limits: Limits
     diagnosis: Diagnosis | None
 
-    def planned(self, targets: Targets, report: Report) -> Plan:
+    def planned(self, targets: Targets, report: Progress) -> Plan:
         """The plan for these targets.
 
         Raises
@@ -224,7 +224,7 @@ class _Asked:
 
 
 def _enough(
-    measure: Measure, room: Room, lengths: Sequence[float], library: Sequence[Sized], report: Report
+    measure: Measure, room: Room, lengths: Sequence[float], library: Sequence[Sized], report: Progress
 ) -> tuple[float, tuple[MotionSegment, ...], dict[float, float]]:
     """(first length that is enough, or the last; different parts of it; length -> smallest nats, of several)."""
     found, cost = [], {}

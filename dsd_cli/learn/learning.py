@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
 from dsd_cli.identify.final_fit import Ended, ended
@@ -15,6 +15,7 @@ from dsd_cli.identify.recordings.excerpts import excerpts
 from dsd_cli.identify.recordings.recording import Recording
 from dsd_cli.identify.results import INERTIA, Score, Step, StepKind
 from dsd_cli.identify.search.sets import Search
+from dsd_cli.identify.search.task import Progress
 from dsd_cli.identify.verdict.discrepancy import noise_of_u
 from dsd_cli.learn.choose import OF_SENSOR, Choice, choose, left_of, sensed, surely_left
 from dsd_cli.learn.curves import curves_of, effects_of, gain, views_of, with_scale_in
@@ -25,8 +26,6 @@ from dsd_cli.learn.results import LEARNT, NOT_OF_MOTION, NOTHING, Learnt, Tie
 from dsd_cli.learn.rows import Balance, balance_of
 from dsd_cli.learn.words import of_laws, separating
 from dsd_cli.plant.model import PlantModel
-
-Progress = Callable[[str, float], None]
 
 
 def learn(

@@ -140,6 +140,7 @@ def test_a_member_that_is_rather_there_than_not_comes_before_one_with_more_evide
     [
         ("cogging", ("velocity",), 0.9, 0.9, True),
         ("cogging", ("position",), 0.9, 0.9, True),
+        ("cogging", ("position",), 0.5, 0.9, False),
         ("cogging", ("position",), 0.4, 0.9, False),
         ("periodic_disturbance", ("position", "time"), 0.9, 0.9, False),
         ("periodic_disturbance", ("position",), 0.9, 0.9, False),

@@ -132,7 +132,7 @@ class UnnamedLaws:
         channels acts instead); the rest is that of functions of other channels, or of nothing, instead."""
         search, fit, fits = self._part
         own = set(member.effect.needs or ("time",))
-        of_u = [("u",)] if fit.inverse and "u" in own else []  # a gain that falls with u passes for such friction
+        of_u = [("u",)] if fit.inverse and "u" in own else []  # a drive that bends passes for friction by the load
         groups = [g for g in fits.groups() if "u" in own or "u" not in g] + of_u  # a loop's u answers whatever acts
         of_own = [own <= {"u" if name == GAIN else name for name in group} for group in groups]
         rest = search.without(fit, member)
