@@ -938,12 +938,16 @@ def test_a_rival_has_one_choice_of_values_for_logs_and_motion() -> None:
     assert first.expected(other.of_logs).nats[0, 1] == pytest.approx(spring - right, rel=0.1)
 
 
-@pytest.mark.parametrize(("inertia", "step"), [(10.0, 0.005), (0.01, 0.001)])
-def test_a_described_loop_has_samples_for_the_lightest_plant(inertia, step):
-    """Gains of 4 on J = 0.01 cross over at 400 rad/s, 2 rad in 5 ms, whatever Jn the config has; on 10 at 0.6."""
+@pytest.mark.parametrize(
+    ("kind", "kd", "inertia", "step"),
+    [("pd", 4.0, 10.0, 0.005), ("pd", 4.0, 0.01, 0.001), ("pd", 0.0, 0.01, 0.001), ("observer", 4.0, 10.0, 0.001)],
+)
+def test_a_described_loop_has_samples_for_the_lightest_plant(kind, kd, inertia, step):
+    """Gains of 4 on J = 0.01 cross over at 400 rad/s, 2 rad in 5 ms, whatever Jn the config has; on 10 at 0.6. Without
+    a gain on the speed it swings at 20 rad/s. Of the standard observer the Q is the loop."""
     plants = [SimpleNamespace(fitted=PlantModel(j, 0.0, {})) for j in (10.0, inertia)]
     asked: Any = SimpleNamespace(
-        wanted=SimpleNamespace(controller=ControllerSettings("pd", Gains(4.0, 4.0))),
+        wanted=SimpleNamespace(controller=ControllerSettings(kind, Gains(4.0, kd))),
         observer=ObserverSettings(10.0, 0.01),
         room=SimpleNamespace(step=0.001),
     )
