@@ -148,10 +148,10 @@ def total_gram(rows: Sequence[Array]) -> Array:
     return products(rows, (0,))[0]
 
 
-def condensed(rows: Array) -> Array:
-    """Much shorter rows with the same inner products as these, shape (p, N), piece by piece, each of p at most."""
-    pieces = (rows[:, i : i + _CONDENSED].T for i in range(0, max(rows.shape[1], 1), _CONDENSED))
-    return np.concatenate([np.asarray(np.linalg.qr(piece, mode="r")).T for piece in pieces], axis=1)
+def condensed(rows: Sequence[Array]) -> Array:
+    """Much shorter rows, shape (p, n), with the same inner products as these p, piece by piece, each of p at most."""
+    pieces = ([x[i : i + _CONDENSED] for x in rows] for i in range(0, len(rows[0]) or 1, _CONDENSED))
+    return np.concatenate([np.asarray(np.linalg.qr(np.transpose(x), mode="r")).T for x in pieces], axis=1)
 
 
 def without_noise(gram: Array, noise: Array, rows: ArrayLike) -> Array:

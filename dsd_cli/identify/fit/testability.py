@@ -173,7 +173,7 @@ def _not_identified(bank: Bank, fitted: Fitted, beside: Terms) -> list[str]:
     fit, kept = fitted.fit, bank.equations.kept
     every = (*fit.terms, *(t for t in beside if t.id not in {own.id for own in fit.terms}))
     design = bank.design(every, fit.tap)
-    rows = condensed(np.stack([x[kept] for x in design.rows]))
+    rows = condensed([x[kept] for x in design.rows])
     least = (POLICY.least_unknown * float(np.linalg.norm(rows[0]))) ** 2
     a, noise = 1 + OF_INERTIA, float(design.noise[OF_INERTIA, OF_INERTIA]) * np.count_nonzero(kept)
     if fitted.model.inertia**2 * (_own(rows, slice(a, a + 1), np.ones(1)) - noise) > least:

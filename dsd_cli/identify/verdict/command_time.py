@@ -166,7 +166,7 @@ def _freed(search: Search, terms: Terms, tap: int, log: int | None = None) -> _F
     bank = search.solver.bank
     rows = np.stack(bank.rows(terms, tap, keep=False))
     rows = rows if log is None else rows[:, bank.equations.logs_of_rows == log]
-    few = condensed(rows)
+    few = condensed([*rows])
     inverse = np.linalg.pinv(few[1:].T, rcond=rows.shape[1] * np.finfo(float).eps)
     theta = inverse @ few[0]
     left = rows[0] - theta @ rows[1:]
