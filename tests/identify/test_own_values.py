@@ -16,6 +16,8 @@ from dsd_cli.signals.log import Log
 from tests.identify.search_rig import BELIEVED, T, posed
 from tests.oracle.rig import RigCase, make
 
+#: Amplitude and pulsation of the sines of a speed.
+SLOW, FEW = ((0.3, 2.3), (0.25j, 5.1), (0.15, 9.0)), ((0.3, 4.3), (0.2, 17.0))
 FRICTION = {"coulomb_friction": {"level": 0.08}}
 
 
@@ -173,3 +175,20 @@ def test_a_right_value_is_not_called_wrong_for_what_is_missing():
     found = diagnose([prepare(log, observer)], model, observer, asked)
     assert (found.verdict, found.probability) == ("coulomb_friction", 0.99)
     assert {c.effect: c.probability for c in found.ranking}["viscous_friction"] == 0.0
+
+
+@pytest.mark.parametrize(("waves", "lag"), [(SLOW, 0.025), (FEW, 0.012)])
+def test_friction_that_is_late_is_no_inertia(waves, lag):
+    """tau w' + w = u, w = J a + B v: of a lagging valve u has B tau a beside J a, and J was wrong, 99 %."""
+    rng, t = np.random.default_rng(14), 0.002 * np.arange(4000)
+    speed, slope, bend = (np.real(sum(a * (1j * w) ** k * np.exp(1j * w * t) for a, w in waves)) for k in range(3))
+    inertia, viscous = 0.15, 18.0
+    u = inertia * (slope + lag * bend) + viscous * (speed + lag * slope)
+    channels = {"t": t, "u": u + 0.02 * rng.normal(size=4000), "velocity": speed}
+    model = PlantModel(inertia, 0.0, {"viscous_friction": {"coefficient": viscous}})
+    observer = ObserverSettings(inertia, 0.01)
+    recording = prepare(Log(channels, 0.002, "log", u_hold="sampled"), observer)
+    found = diagnose([recording], model, observer, Settings(effects=("coulomb_friction", "actuator_lag")))
+    (own,) = (c for c in found.ranking if c.effect == INERTIA)
+    assert own.probability <= 0.5
+    assert found.verdict == DELAY or own.indistinguishable_from == ("actuator_lag",)

@@ -33,7 +33,7 @@ from dsd_cli.signals.passes import mixed
 
 #: Why an effect cannot be told in the inverse form.
 NEEDS_ACCELERATION = (
-    "friction, weight or cogging is nearly all of u here: the acceleration, in which it would show, says too little"
+    "u is judged by the motion here (most of it is no acceleration, or it is noisy): this shows in the acceleration"
 )
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 from dsd_cli.effects import delays_command, get_effect
 from dsd_cli.identify.fit.bank import Term, has_friction
+from dsd_cli.identify.fit.direction import NEEDS_ACCELERATION
 from dsd_cli.identify.fit.laws_of_u import ONE_COLUMN
 from dsd_cli.identify.fit.row_weights import many_sure
 from dsd_cli.identify.fit.solve import Fit
@@ -96,7 +97,11 @@ def _fitted_values(search: Search, *, missing: bool = False) -> ParameterCheck:
     alone = (_alone(search, believed, n, given, values[n]) for n in (INERTIA, DELAY) if not values[n].held)
     candidates = tuple(sorted(alone, key=lambda c: c.rmse_after))
     between = search.solver.bank.tap_time if noise_of_u(search, refit) else 0.0
-    sure = max(_deviations(believed, values, between), key=lambda pair: pair[1], default=("", 0.0))
+    off = dict(_deviations(believed, values, between))
+    sure = max(off.items(), key=lambda pair: pair[1], default=("", 0.0))
+    if sure[0] in (INERTIA, DELAY):  # of both the one that explains more alone: late friction looks like an inertia
+        sure_of = [(c.effect, off.get(c.effect, 0.0)) for c in candidates]
+        sure = next((one for one in sure_of if one[1] >= POLICY.value_deviations), sure)
     if not problem.falls(given.heldout_rmse, refitted.heldout_rmse, refit) or sure[1] < POLICY.value_deviations:
         return ParameterCheck(score, refitted, candidates, "", 0.0, said)
     wrong = sure[0].split(".")[0]
@@ -178,10 +183,11 @@ def _instead_of(search: Search, wrong: str) -> tuple[str, ...]:
 
 def _holding(search: Search, wrong: str) -> Search:
     """The same with the inertia, or the values of an effect, of the model as given, in the excerpts as well. A share of
-    all forces can be tested then."""
+    all forces can be tested then, and so can a lag: viscous friction behind it has a part that is an inertia."""
     known, problem = search.solver.known.holding_effects(search.problem.model, [wrong]), search.problem
-    shares = (name for name, why in problem.untestable.items() if why == ONE_COLUMN)
-    held = replace(problem, solver=search.solver.knowing(known), candidates=(*problem.candidates, *shares))
+    why, lags = problem.untestable, filter(delays_command, problem.untestable)
+    more = [n for n in why if why[n] == ONE_COLUMN] + [n for n in lags if why[n] == NEEDS_ACCELERATION]
+    held = replace(problem, solver=search.solver.knowing(known), candidates=(*problem.candidates, *more))
     return Search(held) if search.excerpt is None else Judge(held, _holding(search.excerpt, wrong))
 
 
