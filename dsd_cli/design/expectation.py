@@ -55,13 +55,19 @@ class Expected:
 class Expectation:
     """Expected evidence on top of the logs of a search.
 
-    Parameters
-    ----------
-    draws : plants of each explanation that are averaged over. limits : of the motion; None: what the logs reached.
+    draws : plants of each explanation that are averaged over. only : names of the targets that count; None: all.
+    limits : of the motion; None: what the logs reached.
     """
 
-    def __init__(self, search: Search, targets: Targets, draws: int, limits: Limits | None = None) -> None:
-        self.search, self.targets, self.draws, self._limits = search, targets, draws, limits
+    def __init__(
+        self,
+        search: Search,
+        targets: Targets,
+        draws: int,
+        only: frozenset[str] | None = None,
+        limits: Limits | None = None,
+    ) -> None:
+        self.search, self.targets, self.draws, self._only, self._limits = search, targets, draws, only, limits
         ranges = search.ranges if limits is None else ranges_within(search.ranges, limits)
         self.cases = cases_of(search, targets, draws, ranges)
         asked = {0, *(i for pair in targets.pairs for i in pair)}
@@ -94,26 +100,22 @@ class Expectation:
         """Largest |u| that a plant needs for a motion, up to `most`."""
         return max(float(np.abs(u).max()) for _, u in self._commanded({0: path}, most).values())
 
-    def of_paths(self, paths: Mapping[int, Path], most: float) -> Products:
-        """Inner products of a motion that each plant makes exactly, with no more than so large a u.
-
-        paths : explanation -> its path; that of the first (0) where there is none.
-        """
-        return self.of_runs(self._commanded(paths, most))
-
     def _commanded(self, paths: Mapping[int, Path], most: float) -> dict[tuple[int, int], tuple[Path, Array]]:
         """(explanation, draw) -> path, and what this plant needs for it, no more than `most`."""
         every = dict.fromkeys((c.truth, c.draw) for c in self.cases)
         path = {key: paths.get(key[0], paths[0]) for key in every}
         return {(e, d): (x, command_for(self.targets.explanations[e].draws[d], x, most)) for (e, d), x in path.items()}
 
-    def of_runs(self, runs: Mapping[tuple[int, int], tuple[Path, Array]]) -> Products:
-        """Inner products of motions: (explanation, draw) -> the path that this plant took, and its command."""
-        paths, made = dict[int, MotionRows](), dict[tuple[int, int], MotionRows]()
-        for key, (path, u) in runs.items():
-            if id(path) not in paths:
-                paths[id(path)] = MotionRows(self.like.equations(path, u))
-            rows = paths[id(path)]
+    def of_paths(self, paths: Mapping[int, Path], most: float) -> Products:
+        """Inner products of a motion that each plant makes exactly, with no more than so large a u.
+
+        paths : explanation -> its path; that of the first (0) where there is none.
+        """
+        first, made = dict[int, MotionRows](), dict[tuple[int, int], MotionRows]()
+        for key, (path, u) in self._commanded(paths, most).items():
+            if id(path) not in first:
+                first[id(path)] = MotionRows(self.like.equations(path, u))
+            rows = first[id(path)]
             made[key] = rows.under(u) if rows.equations.stretches else rows
         return self._filled(
             [

@@ -133,7 +133,8 @@ def held(
 def falling(search: Search, one: PlantModel, found: Fit, unexplained: float) -> tuple[PlantModel, ...]:
     """A plant whose added friction, and constant load, is friction that is gone beyond the top speed of the logs: they
     say nothing of faster motions, and nothing holds one back that is driven on there. Of moves one way a load is that,
-    too, and friction a load, which is a plant as well; and where it is not known what is missing, all that it lacks."""
+    too, and friction a load, which is a plant as well; and where it is not known what is missing, all that it lacks.
+    Where it falls within their speeds and so explains them as well as what was found, it is as large as it is there."""
     frictions = (e for e in catalogue().values() if e.role is Role.FRICTION)
     gone = next(e for e in frictions if [p.name for p in e.parameters if not p.linear] == ["velocity"])
     known, top = search.problem.model.effects, search.ranges.top_speed
@@ -141,8 +142,13 @@ def falling(search: Search, one: PlantModel, found: Fit, unexplained: float) -> 
         return ()
     held = {LOAD, *(name for name in one.effects if get_effect(name).role is Role.FRICTION)}
     rest = replace(one, effects={n: v for n, v in one.effects.items() if n in known or n not in held})
-    lacks = math.hypot(*_lacking(search, rest, found, unexplained))
-    values = {p.name: lacks if p.linear else top for p in gone.parameters}
+    lacks, errors = math.hypot(*_lacking(search, rest, found, unexplained)), search.problem.errors
+    values = {p.name: 1.0 if p.linear else top for p in gone.parameters}
+    left, own = errors.rows_of_model(rest), errors.rows_of_model(search.problem.scale.model(found))
+    column = errors.rows_of_model(replace(rest, effects={**rest.effects, gone.id: values})) - left
+    level = -float(column @ left) / max(float(column @ column), 1e-300)
+    level = max(level, lacks) if np.linalg.norm(left + level * column) <= np.linalg.norm(own) else lacks
+    values |= {p.name: level for p in gone.parameters if p.linear}
     fallen = (replace(rest, effects={**rest.effects, gone.id: values}),)
     ways = np.concatenate([s.sign for s in search.equations.stretches])
     rest = replace(rest, effects={n: known[n] if n in known and n in held else v for n, v in rest.effects.items()})

@@ -67,8 +67,6 @@ def limits_of(
 ) -> Limits:
     """What the logs reached, with what the user gave in its place.
 
-    Parameters
-    ----------
     given : name -> (low, high); start : NaN for the middle of the range.
 
     Raises

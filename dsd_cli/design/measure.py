@@ -9,11 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from dsd_cli.design.expectation import Expectation, Expected
-from dsd_cli.design.limits import Limits
 from dsd_cli.design.rows import Products
-from dsd_cli.design.targets import Targets, apart
+from dsd_cli.design.targets import apart
 from dsd_cli.identify.policy import POLICY
-from dsd_cli.identify.search.sets import Search
 from dsd_cli.signals.log import Array
 
 #: Nats below which all is nothing, and from which on (of a value: (value / standard error)^2 / 2) nothing is open; ten
@@ -27,23 +25,7 @@ _UNSEEN = ENOUGH * POLICY.much_force**2
 
 
 class Measure(Expectation):
-    """Expected evidence on top of the logs of a search, for the targets that count.
-
-    Parameters
-    ----------
-    only : names of those; None: all. The others as `Expectation`.
-    """
-
-    def __init__(
-        self,
-        search: Search,
-        targets: Targets,
-        draws: int,
-        only: frozenset[str] | None = None,
-        limits: Limits | None = None,
-    ) -> None:
-        super().__init__(search, targets, draws, limits)
-        self._only = only
+    """Expected evidence for the targets that count."""
 
     def nats(self, found: Expected) -> dict[str, float]:
         """Of every target: "a, not b" where a is true, and of a value (value / error)^2 / 2; what is just of use counts

@@ -67,8 +67,6 @@ def plan_next(
 ) -> Plan:
     """The next motion.
 
-    Parameters
-    ----------
     search, whole : over the logs, and the set that it found. diagnosis : of it; None where names are asked for.
 
     Raises

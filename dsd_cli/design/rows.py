@@ -85,8 +85,6 @@ def planning_step(band: Band) -> float:
 class MotionRows:
     """The rows of one motion under one command.
 
-    Parameters
-    ----------
     equations : of the motion, in the rows of the log (`equations_like`). shared : columns that other commands on the
         same motion have made.
     """

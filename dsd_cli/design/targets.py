@@ -189,15 +189,13 @@ class _Explanations:
                 places = [self.instead(member, name) for member in tied]
                 names.append(max(places, key=lambda n: self.search.evidence(self.fits[n])))
             else:
-                names.append(self._added(name))
+                names.append(self._keep(self._beside(self.whole, name)))
         return list(combinations(dict.fromkeys(names), 2))
 
     def instead(self, member: str, rival: str) -> str:
         """The set with a rival in the place of a member; a value of the model needs no effect for that."""
         fit = self._without(member)
-        if rival not in (INERTIA, DELAY):
-            fit = next((o.fit for o in self.search.options(fit) if o.effect == rival), fit)
-        return self._keep(fit)
+        return self._keep(fit if rival in (INERTIA, DELAY) else self._beside(fit, rival))
 
     def _together(self, member: str, rivals: Sequence[str]) -> list[str]:
         """The set with plain laws in the place of a member that they are together over this travel, where tied."""
@@ -209,8 +207,7 @@ class _Explanations:
     def as_good(self) -> list[str]:
         """The few sets with another effect in the place of one that was found that explain all rows of the logs best.
         Blocks that no fit saw are few in a poor log, and may lie where one force goes on and another does not."""
-        rests = [self._without(member) for member in self.found]
-        options = [o for rest in rests for o in self.search.options(rest) if self._may_be(o.effect)]
+        options = [o for name in self.found for o in self.search.options(self._without(name)) if self._may_be(o.effect)]
         others = [o.fit for o in options if not _of_u(o.effect) and o.effect not in self.found]
         return [self._keep(fit) for fit in sorted(others, key=lambda fit: float(fit.squares))[:_AS_GOOD]]
 
@@ -246,8 +243,8 @@ class _Explanations:
     def _without(self, member: str) -> Fit:
         return self.search.fit(tuple(t for t in self.whole.terms if t.id != member), self.whole.tap)
 
-    def _added(self, name: str) -> str:
-        return self._keep(next((o.fit for o in self.search.options(self.whole) if o.effect == name), self.whole))
+    def _beside(self, fit: Fit, effect: str) -> Fit:
+        return next((o.fit for o in self.search.options(fit) if o.effect == effect), fit)
 
     def _best_alone(self, most: int, nearest: str) -> list[tuple[str, str]]:
         options = [o for o in self.search.options(self.search.refit) if self._may_be(o.effect) and self._credible(o)]

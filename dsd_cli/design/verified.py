@@ -24,8 +24,8 @@ from dsd_cli.signals.log import Array
 #: size in which any explanation must be able to move the axis.
 _SHRINK, _SHRINK_MOST, _SHRINKS, GENTLE = 0.9, 0.5, 12, 0.05
 #: Share of a limit that a smaller part aims at; s between samples by which draws are compared; share of the way that is
-#: made: else the axis sticks.
-_KEPT, _COARSE, FOLLOWED = 0.97, 0.02, 0.5
+#: made: else the axis sticks; a speed at which no force but friction is other than at rest.
+_KEPT, _COARSE, FOLLOWED, _CREEP = 0.97, 0.02, 0.5, 1e-9
 
 #: Place of an explanation, of one of its draws (`Targets.grown` behind them), and of a loop. The first loop runs the
 #: fitted plant (0) and the draw that needs most u; the last one the draw for which the feedforward lacks most, and the
@@ -61,20 +61,19 @@ def verified(
 
     Raises
     ------
-    DataError : however small the motion, a plant breaks a limit; the loop is not stable with a plant that counts.
-    TooNarrowError : it does what the logs did.
+    DataError : on any motion a plant that counts breaks a limit, or its loop is unstable. TooNarrowError : as logs do.
     """
-    order = [k for i, k in enumerate(plants) if not any(k[2] == o[2] and plants[k] == plants[o] for o in [*plants][:i])]
-    order.sort(key=lambda k: any(get_effect(name).memory for name in plants[k].effects))  # slow ones last, at first
+    order = _in_turn(plants)
     wide, lost, unstable, names = parts, list[str](), list[str](), [e.name for e in targets.explanations]
     last, broke, loop = dict[Key, dict[int, tuple[float, float]]](), dict[Key, Run](), loops[0]
+    shrunk = list[tuple[Key, tuple[MotionSegment, ...]]]()  # by whom, and what it was before
     run = lru_cache(len(order))(lambda k, x: run_loop(plants[k], loops[k[2]], _planned(led, x, room, loop), allowed))
     for _ in range(_SHRINKS * len(order)):
         runs, why, off, narrow, way = dict[Key, Run](), "", False, set[str](), FOLLOWED * np.ptp(joined(parts, room))
         try:  # who broke a limit will most likely do so in the first half
             for key, times in [*((k, 1) for k in order[:1] if last), *((k, TIMES) for k in order)]:
                 now = runs[key] = run(key, times * parts)
-                sticks = key in last and not key[1] and np.ptp(now.path.position) < way
+                sticks = key in broke and not key[1] and np.ptp(now.path.position) < way
                 if sticks or now.exceeded(allowed):
                     break
             else:
@@ -82,28 +81,48 @@ def verified(
             runs[key] = broke[key] = broke[key] if sticks else runs[key]  # it keeps them only where it does not move
             smaller = _smaller(parts, runs[key], room, allowed, last.setdefault(key, {}))
             if not sticks and all(x.scale >= GENTLE * first.scale for x, first in zip(smaller, wide, strict=True)):
+                shrunk.append((key, parts))
                 parts, order = smaller, order[order.index(key) :] + order[: order.index(key)]  # who kept more: last
                 continue
             narrow = runs[key].exceeded(allowed).keys() - runs[key].exceeded(room.reached or allowed).keys()
         except UnstableLoopError as failure:
             why, off = failure.message, isinstance(failure, StandsOffError)
-        if narrow and not (key[0] and key[1] and targets.unknown):
-            break
-        parts, last, name = wide, {}, "the model alone" if names[key[0]] == NONE else names[key[0]]
-        if off or (key[1] and (why or targets.unknown)):  # what no loop holds there is not that axis
-            order = [k for k in order if k != key]
+        counts = narrow and not (key[0] and key[1] and targets.unknown)
+        name, gone = "the model alone" if names[key[0]] == NONE else names[key[0]], [key]
+        none = targets.unknown and not (key[0] == 0 and _breaks_not_away(plants[key], allowed))
+        if not counts and (off or (key[1] and (why or none))):  # what no loop holds there is not that axis
             which = f"other likely values of {name}" if key[1] else name
             unstable.append(f"{why or 'no motion keeps the limits'} with {which}")
-            continue
-        if key[0] == 0 or any(key[0] in pair for pair in targets.pairs):
+        elif counts or key[0] == 0 or any(key[0] in pair for pair in targets.pairs):
             break
-        order, lost = [k for k in order if k[0] != key[0]], [*lost, names[key[0]]]
-        unstable += [f"{why} with {name} as the plant"] if why else []
+        else:
+            gone, lost = [k for k in order if k[0] == key[0]], [*lost, names[key[0]]]
+            unstable += [f"{why} with {name} as the plant"] if why else []
+        order, last = [k for k in order if k not in gone], {}
+        while any(k in gone for k, _ in shrunk):  # as large as before it
+            _, parts = shrunk.pop()
     if why:
         raise DataError(f"{why} with {name} as the plant", "set [simulate.controller] to gains that hold this axis")
-    broken = ", ".join(f"{name} ({100.0 * by:.0f} % beyond)" for name, by in runs[key].exceeded(allowed).items())
-    said = f"no motion keeps the limits with every likely plant: {broken}", "widen that limit, or move --start"
-    raise (TooNarrowError if narrow else DataError)(*said)
+    raise _refused(runs[key].exceeded(allowed), TooNarrowError if narrow else DataError)
+
+
+def _in_turn(plants: Mapping[Key, PlantModel]) -> list[Key]:
+    """Each plant once in a loop, slow ones last."""
+    once = [k for i, k in enumerate(plants) if not any(k[2] == o[2] and plants[k] == plants[o] for o in [*plants][:i])]
+    return sorted(once, key=lambda k: any(get_effect(name).memory for name in plants[k].effects))
+
+
+def _refused(broken: Mapping[str, float], error: type[DataError]) -> DataError:
+    by = ", ".join(f"{name} ({100.0 * share:.0f} % beyond)" for name, share in broken.items())
+    return error(f"no motion keeps the limits with every likely plant: {by}", "widen that limit, or move --start")
+
+
+def _breaks_not_away(plant: PlantModel, allowed: Limits) -> bool:
+    """Whether u within its limit holds a plant at the start and does not move it from there: such dry friction, on a
+    way that no log went, may be the axis all the same."""
+    start = np.full(2, allowed.start)
+    up, down = (command_for(plant, Path(1.0, start, np.full(2, v), 0.0 * start))[0] for v in (_CREEP, -_CREEP))
+    return bool(abs(up + down) <= 2.0 * allowed.u < 2.0 * max(abs(up), abs(down)))
 
 
 def _planned(led: PlantModel, parts: Sequence[MotionSegment], room: Room, loop: Loop) -> tuple[Path, Array]:

@@ -94,6 +94,21 @@ def test_what_the_model_lacks_may_be_friction_that_is_gone_beyond_the_speeds_of_
     assert gone["velocity"] == pytest.approx(np.abs(log.pieces[0]["velocity"]).max(), rel=0.02)
 
 
+def test_friction_that_falls_within_the_speeds_of_the_logs_is_as_large_as_it_breaks_away() -> None:
+    """One way, up to 1 rad/s: its mean is two thirds of what another way has to overcome."""
+    t = T * np.arange(3000)
+    log = recorded(
+        {"stribeck_friction": {"excess": 0.1, "velocity": 1.0}},
+        reference=Planned(0.5 * t - 0.05 * np.sin(10.0 * t), 0.5 - 0.5 * np.cos(10.0 * t)),
+        duration=6.0,
+        noise=0.001,
+    )
+    search = Search(pose([log], BELIEVED, Settings()))
+    found = search.fit((Term.of("coulomb_friction", {}),), search.refit.tap)
+    plant, _ = falling(search, search.problem.scale.model(found), found, 0.0)
+    assert plant.effects["stribeck_friction"]["excess"] == pytest.approx(0.1, rel=0.1)
+
+
 def test_a_drag_in_one_fast_move_is_no_load_where_the_log_rests() -> None:
     """At rest u and friction together are twice the friction at most; what slides there is faster, by 0.3."""
     friction = {"coulomb_friction": {"level": 0.05}}
