@@ -62,6 +62,17 @@ def test_of_two_places_without_names_the_speed_is_of_the_measured_one(counts: in
     assert found == {"position": "2", "velocity": "3", "u": "4", "reference": "1"}
 
 
+def test_one_wrong_cell_of_u_bends_no_number_and_is_said(tmp_path: Path) -> None:
+    """Of one cell of 1000 the inertia was a fifth too small, "identified from this log"."""
+    a = followed()
+    u = a["u"].copy()
+    u[4000] = 1e3
+    np.savetxt(tmp_path / "log.csv", np.column_stack([a["t"], u, a["q"]]), "%.9g", ",", header="t,u,q", comments="")
+    said = done("init", "log.csv", cwd=tmp_path).stderr
+    assert "1 value(s) of u stand alone, up to 1000, first in sample 4000" in said
+    assert load_config(tmp_path / "dsd.toml").model.inertia == pytest.approx(0.02, rel=0.02)
+
+
 def test_the_error_of_a_controller_is_no_motion(tmp_path: Path) -> None:
     a = followed()
     columns = (a["t"], a["r"] - a["q"], a["u"], a["q"], a["r"])
