@@ -13,7 +13,7 @@ import numpy as np
 from dsd_cli.cli.init_delay import explains, only_channel, put_delays, short
 from dsd_cli.cli.init_proposal import Proposal, signals_of
 from dsd_cli.cli.init_rho import put_rho
-from dsd_cli.cli.odd_values import zero_offsets
+from dsd_cli.cli.odd_values import lone_spikes, without_lone_spikes, zero_offsets
 from dsd_cli.cli.recordings import by_updates, on_its_clock, to_turn_u
 from dsd_cli.files.config.remedies import keys_that_multiply
 from dsd_cli.files.first_look import time_unit_of
@@ -37,7 +37,7 @@ def propose_numbers(
 ) -> None:
     """What is identified from the log; `doubted`: its unit of time is, too, if it makes no servo log."""
     rows, warned = len(loaded.log), len(loaded.warnings)
-    loaded, noisy = _evened(by_updates(loaded), out, given)
+    loaded, noisy = _evened(_without_spikes(by_updates(loaded), out), out, given)
     out.said += [*loaded.warnings[warned:], *noisy]
 
     def looked_at() -> CheckResult:
@@ -131,6 +131,12 @@ def _evened(loaded: LoadedLog, out: Proposal, given: Mapping[str, str]) -> tuple
         out.put("signals", "sample_time", apart)
         even = replace(even, log=replace(even.log, sample_time=apart))
     return even, noisy
+
+
+def _without_spikes(loaded: LoadedLog, out: Proposal) -> LoadedLog:
+    """The log without single values of u that are none of the axis's, which would bend all numbers."""
+    out.said += [f"{one.what} {one.remedy}" for one in lone_spikes(loaded.log)]
+    return replace(loaded, log=without_lone_spikes(loaded.log))
 
 
 def _without_late(loaded: LoadedLog, checked: CheckResult, out: Proposal, given: Mapping[str, str]) -> LoadedLog:

@@ -8,7 +8,7 @@ import numpy as np
 
 from dsd_cli.files.config.signals import Signals
 from dsd_cli.identify.checks import Finding
-from dsd_cli.signals.log import Log
+from dsd_cli.signals.log import Log, with_channels
 from dsd_cli.signals.outliers import standing_alone
 from dsd_cli.signals.zero_offset import zero_offset
 
@@ -40,12 +40,28 @@ def zero_offsets(log: Log, signals: Signals) -> list[Finding]:
 
 def lone_spikes(log: Log) -> list[Finding]:
     """Single samples of u far beyond what it usually reaches, as of a wrong cell: no change of the speed answers."""
-    if "u" not in log or not log.channels.keys() & {"velocity", "position"}:
-        return []
-    at, speed = standing_alone(log["u"]).tolist(), log["velocity"] if "velocity" in log else np.diff(log["position"])
-    if not at or standing_alone(np.diff(speed)).size:
+    at = _lone(log)
+    if not at:
         return []
     largest = max((float(log["u"][k]) for k in at), key=abs)
     what = f"{len(at)} value(s) of u stand alone, up to {largest:.4g}, first in sample {at[0]}: are these cells wrong?"
     remedy = "signals.u_range = [low, high] leaves such rows out"
     return [Finding(what, "u", "warning", 0.8, remedy)]
+
+
+def without_lone_spikes(log: Log) -> Log:
+    """The log with u as it is around these samples."""
+    at = _lone(log)
+    if not at:
+        return log
+    u, there = log["u"].copy(), np.ones(log["u"].size, dtype=bool)
+    there[at] = False
+    u[at] = np.interp(at, np.flatnonzero(there), u[there])
+    return with_channels(log, u=u)
+
+
+def _lone(log: Log) -> list[int]:
+    if "u" not in log or not log.channels.keys() & {"velocity", "position"}:
+        return []
+    at, speed = standing_alone(log["u"]).tolist(), log["velocity"] if "velocity" in log else np.diff(log["position"])
+    return [] if not at or standing_alone(np.diff(speed)).size else at

@@ -6,7 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from typing import NamedTuple
 
 from dsd_cli.files.csv_cells import MISSING, is_number, number
@@ -131,9 +131,16 @@ def _start(
         three = [cells[k] for k in rows[places[at] : places[at] + 3]]
         return set(map(len, three)) == {width} and any(rises([row[k] for row in three], True) for k in numeric)
 
+    def is_of_another(at: int) -> bool:
+        """Whether it begins a few rows with a word among the numbers: a list of events, above the rows."""
+        alike = takewhile(lambda k: len(cells[k]) == width, rows[places[at] : places[at] + FEW])
+        few = [[cells[k][place] for place in numeric] for k in alike]
+        return len(few) < min(FEW, len(rows) - places[at]) and all(any(_is_word(cell) for cell in row) for row in few)
+
     def is_good(at: int) -> bool:
         named = by_label and cells[at][0].strip() and not goes_on(at)
-        return is_data(cells[at], width, numeric) and said[key_of(cells[at])] != 1 and not named
+        good = is_data(cells[at], width, numeric) and said[key_of(cells[at])] != 1 and not named
+        return good and not is_of_another(at)
 
     for at, after, third in zip(rows, [*rows[1:], rows[-1]], [*rows[2:], *rows[-2:]], strict=False):
         if is_good(at) and is_good(after) and not _is_of_factors(*(cells[k] for k in (at, after, third))):
@@ -169,6 +176,10 @@ def rises(cells: Sequence[str], evenly: bool = False) -> bool:
     x = list(map(_number, cells))
     rise = all(a < b for a, b in pairwise(x))
     return rise and not (evenly and any(not _goes_on(*three) for three in zip(x, x[1:], x[2:], strict=False)))
+
+
+def _is_word(cell: str) -> bool:
+    return cell.strip() not in MISSING and not is_number(cell)
 
 
 def _number(cell: str) -> float:

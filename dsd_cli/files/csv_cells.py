@@ -38,6 +38,8 @@ _SPELT = re.compile(
 LARGE = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}")
 _LONE = re.compile(r"\s*([-+]?\d*([.,])\d+(?:[eE][-+]?\d+)?)(?![\d.,])")
 DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
+#: A zone behind another one, as mosquitto_sub writes it: 12:00:00.5Z+0000 is of that offset.
+_TWO_ZONES = re.compile(r"Z(?=[-+]\d)")
 ISO_TIME = re.compile(r"\s*\d{4}-\d\d-\d\d[ T]\d\d:\d\d")
 SPOKEN_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "min": 60.0, "hr": 3600.0}
 MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
@@ -221,7 +223,7 @@ def seconds(text: str) -> float:
     ValueError : it is none of these.
     """
     if ISO_TIME.match(text):
-        stamp = datetime.fromisoformat(text.strip())
+        stamp = _iso(text)
         return (stamp if stamp.tzinfo else stamp.replace(tzinfo=UTC)).timestamp()
     if (found := SPOKEN_TIME.fullmatch(text)) is None:
         return plain_number(text)
@@ -238,6 +240,10 @@ def seconds(text: str) -> float:
     return day + 3600.0 * hour + 60.0 * int(minutes) + plain_number(rest.replace(";", "."))
 
 
+def _iso(text: str) -> datetime:
+    return datetime.fromisoformat(_TWO_ZONES.sub("", text.strip()))
+
+
 def is_stamp(text: str) -> bool:
     """Whether a cell says of itself that it is a time, which is read in s."""
     return ISO_TIME.match(text) is not None or SPOKEN_TIME.fullmatch(text) is not None
@@ -246,7 +252,7 @@ def is_stamp(text: str) -> bool:
 def has_zone(text: str) -> bool:
     """Whether a time stamp says its time zone; what looks like one and is no time (23:59:60) does not."""
     try:
-        return datetime.fromisoformat(text.strip()).tzinfo is not None
+        return _iso(text).tzinfo is not None
     except ValueError:
         return False
 

@@ -44,8 +44,13 @@ _OTHER_FORMATS = {
 }
 
 
-#: A frame as candump prints it: `(1436509052.249713) can0 123#1122`, `can0  123   [2]  11 22`.
-_FRAME = re.compile(rb"\s*(?:\(\d+\.\d+\)\s+)?v?x?l?can\d+\s+[0-9A-F]{3,8}(?:#|\s+\[\d+\])")
+#: A frame as candump prints it: `(1436509052.249713) can0 123#1122`, `can0  123   [2]  11 22`; and how traces of Vector
+#: (.asc, .blf), PCAN (.trc) and python-can (.csv) begin.
+_FRAME = re.compile(
+    rb"\s*(?:\(\d+\.\d+\)\s+)?v?x?l?can\d+\s+[0-9A-F]{3,8}(?:#|\s+\[\d+\])"
+    rb"|date [^\n]*\n\s*base (?:hex|dec)|LOGG.\0\0\0|;\$FILEVERSION=\d|timestamp,arbitration_id,extended,",
+    re.DOTALL,
+)
 _KNOWN = "export it as one of CSV, Parquet, Arrow, MAT, HDF5, NetCDF, NumPy, MDF, TDMS, MCAP, ROS bag, JSON"
 
 
@@ -174,7 +179,13 @@ def live_header(source: str, comment: str, line: str, delimiter: str | None, bar
 
 def _names(line: str, delimiter: str | None = None) -> tuple[list[str], str]:
     delimiter = delimiter or max(DELIMITERS, key=lambda candidate: len(split(line, candidate)))
-    return [name.strip().strip('"').strip() for name in fields_of(line, delimiter)], delimiter
+    return [_unquoted(name.strip()).strip() for name in fields_of(line, delimiter)], delimiter
+
+
+def _unquoted(name: str) -> str:
+    """Without quotes around it; `"Axis_1".ActualPosition` has them around a part alone, which are of the name."""
+    inside = name.strip('"')
+    return name if '"' in inside else inside
 
 
 def is_units_row(fields: Sequence[str], needed: Iterable[int]) -> bool:

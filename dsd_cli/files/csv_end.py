@@ -18,7 +18,7 @@ def behind_rows(lines: Sequence[bytes], delimiter: str, width: int, row: Sequenc
     """How many bytes at the end of these lines are no rows, and what to say of them; `row`: cells of one that is."""
     if half := _cut_off(lines, delimiter, width):
         return len(half), ["its last line is cut off in the middle, and left out"]
-    cut = _footer(lines, delimiter, width, [k for k in range(len(row)) if is_number(row[k])])
+    cut = _footer(lines, delimiter, width, [k for k, cell in enumerate(row) if cell.strip() and is_number(cell)])
     if not cut.strip():
         return 0, []
     said = [f"{sum(bool(line.strip()) for line in cut.splitlines())} line(s) of text at its end are left out"]
@@ -47,15 +47,16 @@ def _footer(lines: Sequence[bytes], delimiter: str, width: int, numeric: Sequenc
     cut: list[bytes] = []
     rest = 0
     for raw in reversed(lines):
-        fields = fields_of(decode(raw).strip(), delimiter)
-        first = fields[0].strip(' "') if fields else ""
-        if first or len(fields) > 1:
+        text = decode(raw)
+        fields = fields_of(text.rstrip("\r\n") if delimiter == "\t" else text.strip(), delimiter)
+        place, first = next(((k, cell.strip(' "')) for k, cell in enumerate(fields) if cell.strip(' "')), (0, ""))
+        if first:
             if any(k < len(fields) and is_number(fields[k]) for k in numeric[:1]):
                 break
             if not (first[:1].isalpha() or first.startswith((*COMMENT, *"[<*=;"))):
                 break
         cut.append(raw)
-        of_words = 0 in numeric and first.isalpha()
+        of_words = place in numeric[:1] and first.isalpha()
         if len(fields) != width or of_words or not any(map(is_number, fields)):  # else it may be a row with a bad cell
             rest = len(cut)
     return b"".join(reversed(cut[:rest]))
@@ -72,7 +73,7 @@ class Head:
     """
 
     def __init__(self, lines: Iterable[bytes]) -> None:
-        self._lines = {line.strip() for line in lines} - {b""}
+        self._lines = {line.strip() for line in lines if line.strip(b" ,;\t\r\n")}  # a row of blank cells says nothing
         self._first = 0
         self.begins: list[int] = []
 

@@ -236,13 +236,13 @@ def _above(rows: Sequence[Row], body: Body) -> Found:
 
 def _wide(rows: Sequence[Row], body: Body) -> list[Row]:
     """The last two rows, or the last one, that are as wide as the body and text, by and large."""
-    wide: list[Row] = []
-    first = ""
+    wide, first = list[Row](), ""
     if rows and len(rows[-1].cells) == body.fields > 1 and not any(map(str.strip, rows[-1].cells[1:])):
         first, rows = rows[-1].cells[0].strip(), rows[:-1]  # pandas has the name of the index below all others
     for row in reversed(rows):
-        filled = sum(bool(cell.strip()) for cell in row.cells)
-        if abs(len(row.cells) - body.fields) > 1 or 2 * filled < body.fields or all(map(is_number, row.cells)):
+        there = {k for k, cell in enumerate(row.cells) if cell.strip()}
+        few = 2 * len(there) < body.fields and not there.issuperset(body.numeric)  # notes may stand beside a table
+        if abs(len(row.cells) - body.fields) > 1 or few or all(map(is_number, row.cells)):
             break
         wide.insert(0, row._replace(cells=[cell.strip() for cell in row.cells]))
         if len(wide) == 2:

@@ -74,7 +74,7 @@ class Recognised:
     @property
     def time_unit(self) -> str | None:
         """Of a time, as the config calls it."""
-        return TIME_UNITS.get(plain_unit(self.unit))
+        return TIME_UNITS.get(plain_unit(self.unit.partition(" since ")[0]))
 
     @property
     def named(self) -> str:

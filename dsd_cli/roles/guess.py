@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsd_cli.roles.control_input import AS_TOLD, ONLY_CAUSE, Guess, Look, find_cause
-from dsd_cli.signals.facts import BETTER_SLOPE, Channel, Facts, Slope, facts_of, slope_of
+from dsd_cli.signals.facts import BETTER_SLOPE, Channel, Facts, Slope, facts_of, is_rather_the_motion, slope_of
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.rounding import ROUNDING
 from dsd_cli.signals.twins import lead_of
@@ -163,9 +163,8 @@ def _fits_motion(look: Look, one: tuple[Slope, str, str], other: tuple[Slope, st
     slope of the one before the last is the acceleration."""
     if {one[2], other[2]} & {one[1], other[1]} and min(one[0].scale, other[0].scale) > 0.0:
         return one[2] == other[1]
-    spans = (min(one[0].span, other[0].span),)
-    mine, its = (slope_of(look.t, look.values[p], look.values[w], spans=spans) for _, p, w in (one, other))
-    return (mine.lag >= 0, mine.share) > (its.lag >= 0, its.share + BETTER_SLOPE)
+    mine, its = ((look.values[p], look.values[w]) for _, p, w in (one, other))
+    return is_rather_the_motion(look.t, mine, its, min(one[0].span, other[0].span))
 
 
 def _swings(look: Look, p: str, w: str, slope: Slope) -> bool:

@@ -83,6 +83,8 @@ def _whole(x: Array) -> bool:
 
 #: Samples over which both are averaged, one after the other: an encoder's steps ask for more.
 SPANS = (1, 3, 9, 27, 81)
+#: Of two positions that a speed is the slope of, that is the measured one of which so many times less is left.
+CLOSER = 3.0
 #: Windows of that span that a log must have.
 FEWEST = 30
 #: Longest lag that is looked for, samples.
@@ -129,6 +131,21 @@ def slope_of(t: Array, p: Array, w: Array, fewest: int = FEWEST, spans: Sequence
         if share > best.share + BETTER_SLOPE:
             best = Slope(scale, share, lag, span)
     return best
+
+
+def is_rather_the_motion(t: Array, one: tuple[Array, Array], other: tuple[Array, Array], span: int) -> bool:
+    """Whether of two pairs of a position and its slope the first is the measured motion; `span`: see `Slope`.
+
+    Of two positions with the same slope it is the one to which that stays closer: over the longest spans, where steps
+    of an encoder are averaged out and what is left of a target is the tracking error.
+    """
+    if one[1] is other[1]:
+        spans = (max((many for many in SPANS if t.size >= FEWEST * many), default=1),)
+        left, its_left = (1.0 - slope_of(t, *pair, spans=spans).share for pair in (one, other))
+        if left > CLOSER * its_left or its_left > CLOSER * left:
+            return left < its_left
+    mine, its = (slope_of(t, *pair, spans=(span,)) for pair in (one, other))
+    return (mine.lag >= 0, mine.share) > (its.lag >= 0, its.share + BETTER_SLOPE)
 
 
 def _unwrapped(p: Array) -> Array:

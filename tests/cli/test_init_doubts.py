@@ -47,7 +47,30 @@ def followed() -> dict[str, np.ndarray]:
         u[k] = 8.0 * (r[k] - q[k]) + 0.6 * (slope[k] - v[k])
         v[k + 1] = v[k] + 1e-3 * (u[k] - 0.05 * v[k] - 0.1 * np.tanh(20.0 * v[k])) / 0.02
         q[k + 1] = q[k] + 1e-3 * v[k]
-    return {"t": t, "r": r, "q": q, "u": u}
+    return {"t": t, "r": r, "q": q, "v": v, "u": u}
+
+
+@pytest.mark.parametrize("counts", [0, 4096])
+def test_of_two_places_without_names_the_speed_is_of_the_measured_one(counts: int) -> None:
+    """The target stands first, and is followed so closely that the measured speed is its slope to 0.05 %."""
+    a = followed()
+    turns = a["q"] / (2.0 * np.pi)
+    q = 2.0 * np.pi * (np.round(counts * turns) / counts if counts else turns)
+    r = a["q"] + 0.2 * (a["r"] - a["q"])  # a better controller
+    channels = [Channel("1", r), Channel("2", q), Channel("3", a["v"]), Channel("4", a["u"])]
+    found = {role: one.column for role, one in guess_roles(channels, {}).found.items()}
+    assert found == {"position": "2", "velocity": "3", "u": "4", "reference": "1"}
+
+
+def test_one_wrong_cell_of_u_bends_no_number_and_is_said(tmp_path: Path) -> None:
+    """Of one cell of 1000 the inertia was a fifth too small, "identified from this log"."""
+    a = followed()
+    u = a["u"].copy()
+    u[4000] = 1e3
+    np.savetxt(tmp_path / "log.csv", np.column_stack([a["t"], u, a["q"]]), "%.9g", ",", header="t,u,q", comments="")
+    said = done("init", "log.csv", cwd=tmp_path).stderr
+    assert "1 value(s) of u stand alone, up to 1000, first in sample 4000" in said
+    assert load_config(tmp_path / "dsd.toml").model.inertia == pytest.approx(0.02, rel=0.02)
 
 
 def test_the_error_of_a_controller_is_no_motion(tmp_path: Path) -> None:

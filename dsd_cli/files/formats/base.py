@@ -121,8 +121,9 @@ def check_size(path: str, size: float) -> None:
 
 #: A field of a struct from so many numbers on is a channel: fewer are gains, or a matrix, of a controller.
 FEWEST = 20
-#: What a single number is called that is the s between samples: as in an iddata, in what a simulator was set to.
-_SAMPLE_TIMES = {"ts", "dt", "sampletime", "sample_time", "tsample", "timestep", "time_step"}
+#: What a single number is called that is the s between samples: as in an iddata, in what a simulator was set to, by
+#: PicoScope.
+_SAMPLE_TIMES = {"ts", "dt", "sampletime", "sample_time", "tsample", "timestep", "time_step", "tinterval"}
 #: And their number in a second; as `fs` at least this, and not beside what else is called so: static friction.
 _RATES = {f"{word}{_}{of}" for word in ("sample", "sampling") for _ in ("", "_") for of in ("rate", "frequency")}
 _SHORT_RATE, _SLOWEST_SHORT, _OF_FRICTION = "fs", 50.0, {"fc", "fv", "vs"}

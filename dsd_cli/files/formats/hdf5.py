@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from typing import Any
 
@@ -16,6 +17,12 @@ from dsd_cli.signals.log import Array
 UNITS = ("units", "unit", "Units", "Unit")
 #: Attributes that name the columns of a matrix.
 NAMES = ("columns", "column_names", "names", "channels", "labels")
+#: Ends of the names of a matrix and of the list of its columns that lies beside it (pandas).
+BESIDE = ("_values", "_items")
+#: What PyTables writes beside a table so that it finds rows faster.
+INDEX = "_i_"
+#: A text in what pandas says of the columns in a block of its table.
+_TEXT = re.compile(rb"V([^\n]*)\n")
 #: More bytes per byte in the file than any compression gives: the rest was never written.
 MOST_PACKED = 2000
 
@@ -48,6 +55,8 @@ class Hdf5File:
         import h5py
 
         if not isinstance(item, h5py.Dataset) or path.startswith("#"):
+            return
+        if any(part.startswith(INDEX) for part in path.split("/")):
             return
         if item.external or item.is_virtual:  # it may name any file of the reader's
             self.notes.append(f"{path} lies in another file, which is not followed")
@@ -92,6 +101,7 @@ class _Place:
         rows = slice(start, stop)
         if self._part is not None:
             values = self._item.fields(self._part)[rows]
+            values = values if self._at is None else values[:, self._at]
         elif self._at is None:
             values = self._item[rows]
         else:
@@ -102,11 +112,7 @@ class _Place:
 
 def _places(path: str, item: Any, matlab: bool) -> dict[str, _Place]:
     if item.ndim == 1 and item.dtype.names:
-        return {
-            f"{path}/{part}": _Place(item, 0, part=part)
-            for part in item.dtype.names
-            if item.dtype[part].kind in "biuf" and item.dtype[part].shape == ()
-        }
+        return {f"{path}/{name}": place for part in item.dtype.names for name, place in _parts(item, part).items()}
     if item.dtype.kind not in "biuf" or item.ndim not in (1, 2):
         return {}
     if item.ndim == 1:
@@ -119,9 +125,33 @@ def _places(path: str, item: Any, matlab: bool) -> dict[str, _Place]:
     if columns > MOST_COLUMNS:
         return {}
     named = {k: _said(item, NAMES, k, columns) or str(k + 1) for k in range(columns)}
+    if len(listed := _listed_beside(path, item)) == columns:
+        named = dict(enumerate(listed))
     if len(set(named.values())) < len(named) or any("/" in name or is_number(name) for name in named.values()):
         named = {k: str(k + 1) for k in named}
     return {f"{path}/{name}": _Place(item, along, k) for k, name in named.items()}
+
+
+def _listed_beside(path: str, item: Any) -> list[str]:
+    """What a list of texts beside a matrix calls its columns; [] where there is none, or it is an array in memory."""
+    values, items = BESIDE
+    name = path.rpartition("/")[2]
+    there = name.endswith(values) and hasattr(item, "parent")
+    beside: Any = item.parent.get(name.removesuffix(values) + items) if there else None
+    return [*map(_text, beside[:])] if beside is not None and beside.dtype.kind == "S" and beside.ndim == 1 else []
+
+
+def _parts(item: Any, part: str) -> dict[str, _Place]:
+    """The channels in a field of a compound dataset: one, or the columns of a block of pandas, called as it says."""
+    base, shape = item.dtype[part].base, item.dtype[part].shape
+    if base.kind not in "biuf" or len(shape) > 1:
+        return {}
+    if not shape:
+        return {part: _Place(item, 0, part=part)}
+    said = np.ravel(item.attrs.get(f"{part}_kind", b""))[0]
+    names = [_text(name) for name in _TEXT.findall(said)] if isinstance(said, bytes) else []
+    names = names if len(set(names)) == shape[0] else [f"{part}/{k + 1}" for k in range(shape[0])]
+    return {name: _Place(item, 0, at=k, part=part) for k, name in enumerate(names)}
 
 
 def _said(item: Any, keys: Sequence[str], at: int | None, columns: int) -> str:

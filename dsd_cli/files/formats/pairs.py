@@ -17,14 +17,17 @@ from dsd_cli.files.csv_dialect import decode
 from dsd_cli.files.formats.base import InMemory
 from dsd_cli.signals.log import Array
 
-#: A name, its value, and a unit right behind that, or one of these behind a blank.
+#: A name, perhaps with its number in a register map, its value, and a unit right behind that, or one of these behind a
+#: blank.
 _APART = r"(?: (?=(?:Nm|m?A|m?V|N|%|°|(?:rad|deg|mm|m)(?:/s)?|rpm)(?:[\s,;)]|$)(?!\s*[=:])))?"
 PAIR = re.compile(
-    r"([A-Za-z_][\w./\[\]]*)'?\s*[=:]\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|-?inf)"
+    r"([A-Za-z_][\w./\[\]]*)(?:\(0x[0-9a-fA-F]+\))?'?\s*[=:]\s*([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?|nan|-?inf)"
     rf"{_APART}([A-Za-z%°]+(?:/s)?)?(?![\w.:])"
 )
 #: What may be a stamp before the first of them.
 STAMP = re.compile(r"\d{4}-\d\d-\d\d[ T][\d:.,]*\d|\d+(?:[.:]\d+)*")
+#: Where a frame that cantools decoded goes on in the next line: `can0 064#00 ::⏎Drive(⏎    Speed: 0.5 rad/s,⏎)`.
+_GOES_ON = re.compile(r"(?<=::)\s*\n\s*|(?<=[(,])\n\s+|(?<=\S)\n(?=\)\s*(?:\n|$))")
 #: Pairs in a line, lines and the share of them with the same names, at least.
 FEWEST, LINES, ALIKE = 2, 5, 0.6
 
@@ -33,7 +36,7 @@ class PairsFile(InMemory):
     """Lines with the names that most lines have, and `time` where they begin or end with a stamp; see `Container`."""
 
     def __init__(self, path: str) -> None:
-        lines = decode(text_of(path)).splitlines()
+        lines = _lines(text_of(path))
         names = _names(lines)
         units: dict[str, str] = {}
         values: list[list[float]] = []
@@ -58,7 +61,12 @@ def are_pairs(head: bytes) -> bool:
     """Whether a file that begins so is one."""
     if b"\0" in head or not (b"=" in head or b":" in head):
         return False
-    return bool(_names(decode(head).splitlines()[:-1]))
+    return bool(_names(_lines(head)[:-1]))
+
+
+def _lines(text: bytes) -> list[str]:
+    whole = decode(text)
+    return (_GOES_ON.sub(" ", whole) if "::\n" in whole else whole).splitlines()
 
 
 #: Numbers of a sample with a stamp.
