@@ -21,5 +21,11 @@ EFFECT = Effect(
     parameters=(Parameter("droop", "1/({u})", "c: u_eff = u (1 - c abs(u))", lower=0.0),),
     needs=("u",),
     columns=_columns,
+    told_apart={
+        "load_friction": "move a load slowly up and down: friction takes force one way and gives it the other, a droop"
+        " takes it both ways",
+        "cubic_stiffness": "repeat the motion under another load: a droop follows the command, a spring the place",
+        "saturation": "step up to the largest command by several levels: a droop shows below the largest, too",
+    },
     joint=lambda values, _: JointTerms(missing="a gain that falls with the command"),
 )
