@@ -19,6 +19,9 @@ PLANTS = {
     ),
     "dead zone": PlantModel(0.02, 0.002, {"dead_zone": {"width": 0.08}, "viscous_friction": {"coefficient": 0.05}}),
     "load friction": PlantModel(0.02, 0.0, {"load_friction": {"coefficient": 0.2}}),
+    "gain that droops": PlantModel(
+        0.02, 0.0, {"gain_droop": {"droop": 0.1}, "viscous_friction": {"coefficient": 0.05}}
+    ),
 }
 
 

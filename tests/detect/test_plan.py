@@ -17,6 +17,7 @@ REFUSED = {
     "backlash": "hangs a load",
     "presliding_friction": "has memory",
     "load_friction": "looks at the command",
+    "gain_droop": "looks at the command",
 }
 
 

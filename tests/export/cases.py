@@ -14,6 +14,7 @@ VALUES = {
     "quadratic_drag": {"coefficient": 0.1},
     "presliding_friction": {"level": 0.5, "stiffness": 50.0},
     "load_friction": {"coefficient": 0.1},
+    "gain_droop": {"droop": 0.05},
     "constant_load": {"force": 0.2},
     "gravity": {"amplitude": 1.0, "phase": 0.1},
     "stiffness": {"coefficient": 1.0},
@@ -59,7 +60,7 @@ ALONE = {name: (name, values) for name, values in VALUES.items()} | TABLES
 #: Models that together have every effect: one structure each.
 TOGETHER = (
     ("backlash", "coulomb_friction", "viscous_friction", "dead_zone", "gravity", "external_force"),
-    ("flexible_coupling", "load_friction", "stribeck_friction", "actuator_lag", "saturation", "cogging"),
+    ("flexible_coupling", "load_friction", "stribeck_friction", "actuator_lag", "saturation", "cogging", "gain_droop"),
     (
         "presliding_friction",
         "hysteresis",

@@ -31,6 +31,7 @@ VALUES = {
     "dead_zone": {"width": 0.1},
     "external_force": {"events": [{"start": 0.5, "end": 0.7, "force": 0.2}]},
     "flexible_coupling": {"frequency": 30.0, "load_share": 0.4, "damping": 0.05},
+    "gain_droop": {"droop": 0.2},
     "gravity": {"amplitude": 0.3, "phase": 0.5},
     "load_friction": {"coefficient": 0.2},
     "periodic_disturbance": {"amplitude": 0.1, "frequency": 3.0, "phase": 0.0},
@@ -51,8 +52,8 @@ VALUES = {
 }
 #: What no joint of MuJoCo has.
 NOT_IN_MUJOCO = {
-    *("bouc_wen", "external_force", "inertia_curve", "lagged_friction", "load_friction", "lugre_friction"),
-    "periodic_disturbance",
+    *("bouc_wen", "external_force", "gain_droop", "inertia_curve", "lagged_friction", "load_friction"),
+    *("lugre_friction", "periodic_disturbance"),
 }
 
 

@@ -32,6 +32,7 @@ CASES = [
     ({"coulomb_friction": {"level": 0.2}}, 99.999),
     ({"coulomb_friction": {"level": 0.1}, "stribeck_friction": {"excess": 0.1, "velocity": 0.05}}, 99.99),
     ({"load_friction": {"coefficient": 0.3}}, 99.98),
+    ({"gain_droop": {"droop": 0.1}}, 99.99),
     ({"presliding_friction": {"level": 0.3, "stiffness": 300.0}}, 99.99),
     ({"presliding_friction": {"level": 0.3, "stiffness": 3000.0}}, 99.97),
     ({"dead_zone": {"width": 0.2}}, 99.999),

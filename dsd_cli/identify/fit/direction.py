@@ -21,7 +21,7 @@ from dsd_cli.effects import Role, catalogue, get_effect
 from dsd_cli.identify.fit.bank import INERTIA, Bank, Terms, inputs_of
 from dsd_cli.identify.fit.blocks import total_gram, without_noise
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.laws_of_u import ONE_COLUMN, drives_and_brakes, grows_with_u
+from dsd_cli.identify.fit.laws_of_u import ONE_COLUMN, drives_and_brakes, is_law_of_u
 from dsd_cli.identify.fit.priors import known_to
 from dsd_cli.identify.fit.row_weights import shared_inflation, still_rows
 from dsd_cli.identify.fit.solve import Fit, Solver
@@ -91,7 +91,7 @@ def drowns(moved: Array, fitted: float, inertia: float) -> bool:
 def needs_acceleration(effect_id: str) -> bool:
     """Whether the forward form alone identifies an effect: one on u, of time, a mass, or of u but no share of it."""
     effect = get_effect(effect_id)
-    of_u = "u" in effect.needs and not grows_with_u(effect)
+    of_u = "u" in effect.needs and not is_law_of_u(effect)
     return effect.role in (Role.INPUT, Role.STRUCTURE) or of_u or effect.of_time
 
 
@@ -99,7 +99,8 @@ def shown_by_no_motion(candidates: Sequence[str], equations: Equations) -> dict[
     """Candidate -> why the inverse form does not identify it."""
     found = {name: NEEDS_ACCELERATION for name in candidates if needs_acceleration(name)}
     if not drives_and_brakes(equations):
-        found |= {name: ONE_COLUMN for name in candidates if grows_with_u(get_effect(name))}
+        of_u = (name for name in candidates if is_law_of_u(get_effect(name)))
+        found |= {name: ONE_COLUMN for name in of_u if get_effect(name).role is Role.FRICTION}
     return found
 
 

@@ -17,7 +17,7 @@ from dsd_cli.identify.fit.bank import drive as delayed
 from dsd_cli.identify.fit.basis import APART, Units, basis
 from dsd_cli.identify.fit.blocks import Blocks, Grams, grams, losses, solve, total_gram
 from dsd_cli.identify.fit.equations import Equations
-from dsd_cli.identify.fit.laws_of_u import grows_with_u, shrinks, slopes
+from dsd_cli.identify.fit.laws_of_u import is_law_of_u, shrinks, slopes
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.stretches import Stretch
 from dsd_cli.identify.results import DELAY
@@ -84,8 +84,7 @@ class FreeformFits:
 
     Pulses of the fit keep their coefficients, in every fold as in the fit itself. base : what is explained, and the
     columns that explain it; owners : the effect of each of these, or `DELAY`, "" of what is neither's. apart : see
-    `basis`. made : hats in the unit of u, by what they are functions of. explained : u without the error of a fit, in
-    rows, of which functions of u are in the inverse form: those of u itself would take it away. Empty in the other.
+    `basis`. made : hats in the unit of u, by what they are functions of.
     """
 
     equations: Equations
@@ -95,7 +94,6 @@ class FreeformFits:
     owners: Sequence[str]
     pieces: Sequence[Piece]
     apart: float = APART
-    explained: Array = field(default_factory=lambda: np.zeros(0))
     made: dict[Any, tuple[list[Array], Array]] = field(default_factory=dict)
     _grams: dict[tuple[tuple[str, ...], bool], Grams] = field(init=False, default_factory=dict)
 
@@ -169,9 +167,7 @@ class FreeformFits:
         """Hats as rows in the unit of u, and the penalty on their bends, (c, c)."""
         held, of_u = has_friction(self.fit.terms), not {"u", GAIN}.isdisjoint(on)
         key = (on, held, self.fit.tap if of_u else None, self.apart, self.blocks.count)
-        if key not in self.made and on == ("u",) and self.fit.inverse:
-            self.made[key] = _bends_of_a_drive(self.explained)
-        elif key not in self.made:
+        if key not in self.made:
             raw, penalty = self._raw(on)
             every = ([units.column(i) for units in raw] for i in range(raw[0].size))
             self.made[key] = [self.equations.acting(x, smooth=False, held=held) for x in every], penalty
@@ -214,7 +210,7 @@ def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, in
     base, owners, at = [other, later], ["", "", DELAY], FIXED
     for term, width in zip(fit.terms, fit.widths, strict=True):
         own = columns[at - FIXED : at - FIXED + width]
-        if fit.inverse and grows_with_u(term.effect):  # at the u that is explained: what is left is then the error of u
+        if fit.inverse and is_law_of_u(term.effect):  # at the u that is explained: what is left is then the error of u
             own = [own[0] - slopes(bank, term, fit.tap) * error]
         if term.effect.listed:  # an event that a fold did not see has no coefficient of its own there
             target = target + mixed(own, fit.forward[1 + at : 1 + at + width])
@@ -224,13 +220,7 @@ def freeform_fits(bank: Bank, equations: Equations, blocks: Blocks, fit: Fit, in
         at += width
     late = delayed(bank.equations, (), fit.tap * bank.tap_time)
     pieces = [piece_of(s, u) for s, u in zip(bank.equations.stretches, late, strict=True)]
-    return FreeformFits(equations, blocks, fit, [target, *base], owners, pieces, APART, drive - error, dict(bank.hats))
-
-
-def _bends_of_a_drive(u: Array) -> tuple[list[Array], Array]:
-    """Of a gain that is no constant. Hats bend nowhere beyond the u that they have seen, and blocks are held out."""
-    share = u / max(float(np.abs(u).max()), 1e-300)
-    return [u * np.abs(share), u * share, u * share**2], np.zeros((3, 3))
+    return FreeformFits(equations, blocks, fit, [target, *base], owners, pieces, APART, dict(bank.hats))
 
 
 def piece_of(stretch: Stretch, u: Array) -> Piece:

@@ -1,4 +1,5 @@
-"""Friction that grows with the load, where u by the motion is evidence: no law of u gains by what it takes of u itself.
+"""Friction by the load, or a gain that droops, where u by the motion is evidence: no law of u gains by what it takes of
+u itself.
 
     r = u - c x(u) - J a - ...        dr/du = 1 - c dx/du
 
@@ -28,18 +29,19 @@ from dsd_cli.signals.passes import Starts, mixed
 ONE_COLUMN = "u drives the axis all the time, or brakes it: friction by the load is then a share of all other forces"
 #: Share of its largest by which u is changed, away from 0, to see what a law of u does.
 _STEP = 1e-6
-#: Friction by the load of gears and screws: standard deviation, and the most, with which a tenth of u gets through.
+#: Share of u that gears, screws and drives take where they take most: standard deviation, and the most, with which a
+#: tenth of u gets through.
 _USUAL, _MOST = 0.3, 0.9
-#: Golden section steps. Share of u that counts as nothing.
-_STEPS, _NOTHING = 40, 1e-6
+#: Golden section steps, and turns of several laws. Share of u that counts as nothing.
+_STEPS, _TURNS, _NOTHING = 40, 12, 1e-6
 #: Coefficients, shape (p,), by what is known.
 Values = Callable[[PriorKnowledge], Array]
 
 
-def grows_with_u(effect: Effect) -> bool:
-    """Whether it is friction with one coefficient, a share of u: a table over channels may have no u in it."""
-    shares = [p.linear and p.unit == "1" for p in effect.parameters]
-    return effect.role is Role.FRICTION and "u" in effect.needs and shares == [True]
+def is_law_of_u(effect: Effect) -> bool:
+    """Whether it takes of u, by one coefficient: a table over channels may have no u in it."""
+    force = effect.role in (Role.APPLIED, Role.FRICTION)
+    return force and "u" in effect.needs and [p.linear for p in effect.parameters] == [True]
 
 
 def drives_and_brakes(equations: Equations) -> bool:
@@ -49,38 +51,45 @@ def drives_and_brakes(equations: Equations) -> bool:
     return bool(min(counts) > POLICY.least_unknown * sum(counts))
 
 
-def law_of_u(terms: Terms) -> Term | None:
-    """The friction of a set that grows with u."""
-    return next((t for t in terms if grows_with_u(t.effect)), None)
+def laws_of_u(terms: Terms) -> Terms:
+    """The members of a set that take of u."""
+    return tuple(t for t in terms if is_law_of_u(t.effect))
 
 
-def at_law(
-    bank: Bank, design: Design, law: Term, tap: int, values: Values, known: PriorKnowledge, variance: float
+def at_laws(
+    bank: Bank, design: Design, laws: Terms, tap: int, values: Values, known: PriorKnowledge, variance: float
 ) -> PriorKnowledge:
-    """With the coefficient of a law of u held where the error of u is least; where all are alike, as of an axis that u
-    drives all the time, at none, or what is known of it.
+    """With the coefficients of laws of u held where the error of u is least; where all are alike, as of an axis that u
+    drives all the time, at none, or what is known of it. Of several one after the other, beside the others.
 
     values : coefficients of the set, linear in what is held. variance : of squares, per nat.
     """
-    if (name := f"{law.id}.{law.effect.parameters[0].name}") in known.fixed:
-        return known
-    usual, spread = known.priors.get(name, (0.0, _USUAL))
-    fixed = [replace(known, fixed={**known.fixed, name: c}) for c in (0.0, 1.0)]
-    own, beside = (mixed(design.rows, np.append(1.0, -values(one))) for one in fixed)
-    slope = slopes(bank, law, tap)
+    slope = {f"{law.id}.{law.effect.parameters[0].name}": slopes(bank, law, tap) for law in laws}
+    held = {**dict.fromkeys(slope, 0.0), **known.fixed}
 
-    def judged(c: float) -> float:
-        errors = ((1.0 - c) * own + c * beside) / np.maximum(np.abs(1.0 - c * slope), _NOTHING)
-        return float(errors @ errors) + variance * ((c - usual) / spread) ** 2
+    def least(name: str) -> float:
+        whole = 1.0 / max(float(np.abs(slope[name]).max()), 1e-300)  # takes all of u, in some row
+        usual, spread = known.priors.get(name, (0.0, _USUAL * whole))
+        fixed = [replace(known, fixed={**held, name: c}) for c in (0.0, whole)]
+        own, beside = (mixed(design.rows, np.append(1.0, -values(one))) for one in fixed)
+        kept = 1.0 - sum(held[other] * x for other, x in slope.items() if other != name)
 
-    low, high = (min(max(end, 0.0), _MOST) for end in known.limits(name))
-    found = min((low, golden_section(judged, low, high, _STEPS)), key=judged)  # where all are alike, none
-    return replace(known, fixed={**known.fixed, name: found})
+        def judged(c: float) -> float:
+            errors = (own + c / whole * (beside - own)) / np.maximum(np.abs(kept - c * slope[name]), _NOTHING)
+            return float(errors @ errors) + variance * ((c - usual) / spread) ** 2
+
+        low, high = (min(max(end, 0.0), _MOST * whole) for end in known.limits(name))
+        return min((low, golden_section(judged, low, high, _STEPS)), key=judged)  # where all are alike, none
+
+    free = [name for name in slope if name not in known.fixed]
+    for name in free * (1 if len(free) == 1 else _TURNS):
+        held[name] = least(name)
+    return replace(known, fixed=held)
 
 
 def grown(bank: Bank, design: Design, terms: Terms, tap: int, weights: Array, starts: Starts = (0,)) -> Array:
     """By how much squares of r grow where they are those of the error of u, shape (segments,); see `shrinks`."""
-    if law_of_u(terms) is None:
+    if not laws_of_u(terms):
         return np.ones(len(weights))
     left = mixed(design.rows, weights, starts)
     errors = left / shrinks(bank, terms, design.widths, tap, weights, starts)
@@ -93,10 +102,10 @@ def shrinks(bank: Bank, terms: Terms, widths: Sequence[int], tap: int, weights: 
     widths : columns of each effect. weights : of the rows of a design, of each segment that begins at `starts`, shape
         (segments, p+1).
     """
-    if (law := law_of_u(terms)) is None:
+    if not (laws := laws_of_u(terms)):
         return np.ones(1)
-    at = 1 + FIXED + sum(widths[: terms.index(law)])
-    taken = mixed([slopes(bank, law, tap)], weights[:, at : at + 1] / weights[:, :1], starts)
+    at = [1 + FIXED + sum(widths[: terms.index(law)]) for law in laws]
+    taken = mixed([slopes(bank, law, tap) for law in laws], weights[:, at] / weights[:, :1], starts)
     return np.maximum(np.abs(1.0 + taken), _NOTHING)
 
 

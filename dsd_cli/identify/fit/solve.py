@@ -19,7 +19,7 @@ import numpy as np
 from dsd_cli.identify.fit.bank import FIXED, INERTIA, SHARE, Bank, Design, Term, Terms, has_friction, inputs_of
 from dsd_cli.identify.fit.blocks import Blocks, Grams, grams, total_gram, without_noise
 from dsd_cli.identify.fit.constraints import Reduction, Rules, solved
-from dsd_cli.identify.fit.laws_of_u import at_law, grown, law_of_u
+from dsd_cli.identify.fit.laws_of_u import at_laws, grown, laws_of_u
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import DELAY
@@ -210,8 +210,8 @@ class Solver:
             rules = Rules(known, 0.0, *by).reduction(none, known.fixed, zero, linear_only=True)
             return solved(gram, 0, len(none) * [0], rules)[0][0]
 
-        law = law_of_u(terms) if self.inverse else None
-        known = at_law(self.bank, design, law, tap, free, self.known, self.variance) if law else self.known
+        laws = laws_of_u(terms) if self.inverse else ()
+        known = at_laws(self.bank, design, laws, tap, free, self.known, self.variance) if laws else self.known
         if not (known or zero):
             return Reductions(None, None)
         rules = Rules(known, 0.0, *by)

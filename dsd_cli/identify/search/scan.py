@@ -10,7 +10,7 @@ import numpy as np
 from dsd_cli.effects import Role
 from dsd_cli.identify.fit.bank import INERTIA, Term, Terms, has_friction, inputs_of, not_negative
 from dsd_cli.identify.fit.blocks import total_gram
-from dsd_cli.identify.fit.laws_of_u import grows_with_u
+from dsd_cli.identify.fit.laws_of_u import is_law_of_u
 from dsd_cli.identify.fit.solve import Solver
 from dsd_cli.signals.log import Array
 from dsd_cli.signals.once import once
@@ -54,7 +54,7 @@ class Scan:
         # what is known may change more than the columns of the effects that are there
         ruled = self.solver.known and (role in (Role.INPUT, Role.STRUCTURE) or self.solver.known.concerns(term.id))
         taps = dict.fromkeys((self.tap,) if first else (self.tap, *self._taps_for(term, self.tap)))
-        if first or ruled or (self.solver.inverse and grows_with_u(term.effect)):
+        if first or ruled or (self.solver.inverse and is_law_of_u(term.effect)):
             return max((self._squares - self.solver.squares((*self.terms, term), n, keep), n) for n in taps)
         if role is not Role.INPUT:
             return self._gain_of_columns(self.solver.bank.columns(term, self.tap, keep, self._held), term), self.tap

@@ -13,7 +13,7 @@ import numpy as np
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import Term, Terms, has_friction
 from dsd_cli.identify.fit.direction import LOAD, OneWay, best_delay, one_way
-from dsd_cli.identify.fit.laws_of_u import grows_with_u
+from dsd_cli.identify.fit.laws_of_u import is_law_of_u
 from dsd_cli.identify.fit.priors import averaged
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.fit.values import Fitted, flat
@@ -159,7 +159,7 @@ class Search(Evidence):
             report(there / POLICY.most_effects)
             options = tuple(self.options(current))
             every = [(o, get_effect(o.effect)) for o in options]
-            laws = tuple(o for o, e in every if not (e.of_time or (self.solver.inverse and grows_with_u(e))))
+            laws = tuple(o for o, e in every if not (e.of_time or (self.solver.inverse and is_law_of_u(e))))
             reached = self._forward(current, laws) or self._forward(current, options)
             if not reached:
                 break

@@ -132,14 +132,13 @@ class UnnamedLaws:
         channels acts instead); the rest is that of functions of other channels, or of nothing, instead."""
         search, fit, fits = self._part
         own = set(member.effect.needs or ("time",))
-        of_u = [("u",)] if fit.inverse and "u" in own else []  # a drive that bends passes for friction by the load
-        groups = [g for g in fits.groups() if "u" in own or "u" not in g] + of_u  # a loop's u answers whatever acts
+        groups = [g for g in fits.groups() if "u" in own or "u" not in g]  # a loop's u answers whatever acts
         of_own = [own <= {"u" if name == GAIN else name for name in group} for group in groups]
         rest = search.without(fit, member)
         beside: list[Law] = [(), *(g for g, mine in zip(groups, of_own, strict=True) if not mine)]
         instead: list[Law] = [(), *groups]
         # an event in time has no columns, and what is left without it is fitted anew
-        alone = search.freeform(rest) if member.effect.listed or of_u else fits
+        alone = search.freeform(rest) if member.effect.listed else fits
         squares = [fits.without("", on) for on in beside] + [alone.without(member.id, on) for on in instead]
         prices = [POLICY.unknown_nats * bool(on) for on in (*beside, *instead)]  # each is the best of some ten
         prices = [x + search.price((member,)) * (i < len(beside)) for i, x in enumerate(prices)]

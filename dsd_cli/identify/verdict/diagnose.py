@@ -16,7 +16,7 @@ from dsd_cli.effects import free_name, kind_of
 from dsd_cli.errors import DataError
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.direction import tells_by_motion
-from dsd_cli.identify.fit.laws_of_u import law_of_u
+from dsd_cli.identify.fit.laws_of_u import laws_of_u
 from dsd_cli.identify.fit.priors import PriorKnowledge
 from dsd_cli.identify.fit.problem import pose
 from dsd_cli.identify.fit.solve import Fit
@@ -156,8 +156,8 @@ def _either_way(task: Task) -> Levelled:
     """
     found = levelled(task)
     search, whole, inverse = found.search, found.whole, found.search.solver.inverse
-    if inverse and (law := law_of_u(search.added(whole.terms))) is not None:
-        whole = search.without(whole, law)
+    if inverse and (laws := laws_of_u(search.added(whole.terms))):
+        whole = search.without(whole, *laws)
     bank, drifts = search.problem.errors.bank, search.problem.reconstructed("velocity")
     tells = inverse or tells_by_motion(bank, whole.tap, search.solver.inertia)
     more = above_floor(search, whole) or (not inverse and noise_of_u(search, whole))
