@@ -7,10 +7,11 @@ import pytest
 
 from dsd_cli.identify.d_hat_makers import OpenLog
 from dsd_cli.identify.recordings.recording import prepare
-from dsd_cli.identify.recordings.smoothing import mean_ahead, regularised
+from dsd_cli.identify.recordings.smoothing import MEAN_OF_SIX, regularised
 from dsd_cli.plant.maker import MAKERS, Maker
 from dsd_cli.plant.model import ObserverSettings, PlantModel
 from dsd_cli.signals.log import Log
+from dsd_cli.signals.passes import passed
 from tests.oracle.d_hat_makers import made
 
 T, ROWS = 0.001, 800
@@ -98,14 +99,14 @@ def test_a_d_hat_has_the_samples_of_a_command_that_was_measured(maker):
     asked = OpenLog((prepare(log, observer),), PlantModel(nominal, 0.0, {}), observer, MAKERS)
     for recording in (asked.made(maker)[0][0], asked.parts[maker][0]):
         (piece,) = recording.pieces
-        assert piece["u"] == pytest.approx(mean_ahead(u), abs=1e-12)
+        assert piece["u"] == pytest.approx(passed(u, MEAN_OF_SIX, 2), abs=1e-12)
         assert piece["acceleration"][2:] == pytest.approx(np.diff(v)[1:] / T, abs=1e-6)
 
 
-def test_mean_ahead_is_exact_on_quintics():
+def test_the_mean_ahead_is_exact_on_quintics():
     k = np.arange(40.0)
     powers = np.array([1e-6, -2e-4, 0.01, -0.3, 2.0, 1.0])
     whole = np.polyint(powers)
     wanted = np.polyval(whole, k + 1) - np.polyval(whole, k)
-    np.testing.assert_allclose(mean_ahead(np.polyval(powers, k))[2:-3], wanted[2:-3], rtol=1e-9)
-    assert mean_ahead(np.full(9, 3.0)).tolist() == pytest.approx([3.0] * 9)
+    np.testing.assert_allclose(passed(np.polyval(powers, k), MEAN_OF_SIX, 2)[2:-3], wanted[2:-3], rtol=1e-9)
+    assert passed(np.full(9, 3.0), MEAN_OF_SIX, 2).tolist() == pytest.approx([3.0] * 9)

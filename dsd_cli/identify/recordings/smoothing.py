@@ -230,7 +230,7 @@ def regularised(piece: Log) -> Log:
     stamps = irregular_stamps(piece)
     if piece.u_hold == "sampled":
         own = {SAMPLED_U: piece["u"]} if "d_hat" in piece else {}
-        piece = replace(piece, channels={**piece.channels, **own, "u": mean_ahead(piece["u"])})
+        piece = replace(piece, channels={**piece.channels, **own, "u": passed(piece["u"], MEAN_OF_SIX, 2)})
     if stamps is None:
         return piece
     from scipy.interpolate import CubicSpline
@@ -242,11 +242,6 @@ def regularised(piece: Log) -> Log:
     channels = {name: CubicSpline(stamps, x)(grid) for name, x in kept.items()}
     channels |= {"t": grid, "u": mean_held(piece["u"], stamps, np.append(grid, grid[-1] + step))}
     return replace(piece, channels=channels, sample_time=step)
-
-
-def mean_ahead(x: Array) -> Array:
-    """Mean over the interval that begins at each sample of a smooth sampled signal, shape (n,)."""
-    return passed(x, MEAN_OF_SIX, 2)
 
 
 def mean_held(u: Array, stamps: Array, edges: Array) -> Array:
