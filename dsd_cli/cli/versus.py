@@ -69,14 +69,15 @@ def compare_configs(
 
 
 def _check_alike(one: str, first: Config, other: str, second: Config) -> None:
-    """Both must read a log alike: else J in kg stands beside J in g, and the order decides which model is better."""
+    """Both must read a log alike: else J in kg stands beside J in g, and the order decides which model is better. One
+    that has no name for the unit of u contradicts no name."""
     from dsd_cli.errors import UsageError
     from dsd_cli.files.config.signals import Signals
 
     ours, theirs, usual = ({k: getattr(s, k) for k in s.keys} for s in (first.signals, second.signals, Signals()))
-    edges = ("start", "end")
-    differ = [key for key in ours if key not in edges and ours[key] != theirs[key]]
-    if differ and any(theirs[key] != usual[key] for key in usual if key not in edges):
+    alike = {"start", "end"} | ({"u_unit"} if "" in (ours["u_unit"], theirs["u_unit"]) else set())
+    differ = [key for key in ours if key not in alike and ours[key] != theirs[key]]
+    if differ and any(theirs[key] != usual[key] for key in usual if key not in alike):
         keys = ", ".join(f"signals.{key}" for key in differ[:4])
         raise UsageError(
             f"{one} and {other} read a log differently ({keys}), so their values and errors do not compare",

@@ -96,6 +96,13 @@ def make_log(rows: int = 300, seed: int = 0, delay: float = DELAY, inertia: floa
     return {"t": t, "u": u, "d_hat": d_hat}
 
 
+def without_signals(config: Path) -> str:
+    """The text of a config, to stand behind another `[signals]`."""
+    text = config.read_text(encoding="utf-8")
+    begin = text.index("[signals]")
+    return text[:begin] + text[text.index("\n[", begin) + 1 :]
+
+
 def csv_text(columns: dict[str, np.ndarray], delimiter: str = ",", decimal: str = ".") -> str:
     out = io.StringIO()
     out.write(delimiter.join(columns) + "\n")

@@ -14,7 +14,7 @@ import pytest
 from dsd_cli.cli.lazy import COMMANDS
 from dsd_cli.effects import catalogue
 from tests import warm
-from tests.cli.rig import DSD, done, dsd, read_labels, same, write
+from tests.cli.rig import DSD, done, dsd, read_labels, same, without_signals, write
 
 ROOT = Path(__file__).parents[2]
 SAMPLES = ROOT / "sample_logs"
@@ -32,7 +32,7 @@ def rig(tmp_path_factory: pytest.TempPathFactory) -> Path:
     write(folder, "raw.csv", mine)
     names = '[signals]\ntime = "t_ms"\ntime_unit = "ms"\nu = "i_q"\nu_unit = "N m"\nposition = "angle"\n'
     (folder / "dsd.toml").write_text(
-        names + 'position_unit = "deg"\n\n' + (SAMPLES / "servo-bare.toml").read_text(), encoding="utf-8"
+        names + 'position_unit = "deg"\n\n' + without_signals(SAMPLES / "servo-bare.toml"), encoding="utf-8"
     )
     (folder / "runs/today").mkdir(parents=True)
     return folder

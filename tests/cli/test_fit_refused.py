@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from dsd_cli.cli.main import run
-from tests.cli.rig import dsd, refused
+from tests.cli.rig import dsd, refused, without_signals
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
 LOG, KNOWN, BARE = "servo-friction.csv", "servo-friction.toml", "servo-bare.toml"
@@ -110,7 +110,7 @@ def test_a_text_that_cannot_be_is_said_of_the_option(option, text, words, monkey
 @pytest.mark.parametrize(("given", "words"), TOGETHER, ids=[" ".join(row[0]) for row in TOGETHER])
 def test_options_that_contradict_each_other_or_the_file_are_both_named(given, words, tmp_path, monkeypatch, capsys):
     text = '[signals]\nend = 8\n[fit]\nprior = { delay = "0.5+-0.1" }\nbounds = { inertia = [0, 1] }\n'
-    (tmp_path / "rig.toml").write_text(text + (SAMPLES / BARE).read_text())
+    (tmp_path / "rig.toml").write_text(text + without_signals(SAMPLES / BARE))
     monkeypatch.chdir(tmp_path)
     assert run(["compare", str(SAMPLES / LOG), "-c", "rig.toml", *given]) == 2
     line = _line(capsys)
@@ -251,3 +251,5 @@ def test_two_configs_that_read_a_log_differently_are_not_compared(tmp_path):
     assert refused_.returncode == 2
     assert "a.toml and b.toml read a log differently (signals.u_scale)" in refused_.stderr
     assert dsd("compare", log, "-c", "a.toml", "-c", "c.toml", cwd=tmp_path).returncode == 0
+    (tmp_path / "n.toml").write_text('[signals]\nu_unit = "N m"\n' + model)
+    assert dsd("compare", log, "-c", "c.toml", "-c", "n.toml", cwd=tmp_path).returncode == 0, "a name alone"

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.cli.rig import FEW, done
+from tests.cli.rig import FEW, done, without_signals
 from tests.cli.terminal import terminal
 
 SAMPLES = Path(__file__).parents[2] / "sample_logs"
@@ -49,7 +49,7 @@ def learnt(tmp_path_factory):
     """(folder with log, config and what was learnt, what the command printed)."""
     folder = tmp_path_factory.mktemp("told")
     disguised(SAMPLES / "servo-friction.csv", folder / "a.csv", 1.0)
-    (folder / "bare.toml").write_text(SIGNALS + (SAMPLES / "servo-bare.toml").read_text())
+    (folder / "bare.toml").write_text(SIGNALS + without_signals(SAMPLES / "servo-bare.toml"))
     made = done("improve", "a.csv", "-c", "bare.toml", "--auto", "-o", "a.toml", cwd=folder, effects=FEW)
     return folder, made.stdout
 
@@ -176,7 +176,7 @@ def test_labels_name_the_units(learnt):
     assert found["unit"] == "N m"
     assert found["units"] == {"delay": "s", "inertia": "kg m^2", "coulomb_friction.level": "N m"}
     plain = json.loads(
-        done("detect", "servo-friction.csv", "-c", "servo-bare.toml", "--format", "json", cwd=SAMPLES).stdout
+        done("detect", "servo-friction.csv", "-c", "servo-friction.toml", "--format", "json", cwd=SAMPLES).stdout
     )
     assert plain["units"] == {"delay": "s", "inertia": "u/(v/s)"}
 
@@ -197,7 +197,7 @@ def test_a_log_in_counts_is_told_in_rad_and_newton_metres(tmp_path):
     for name, factor in (("counts.csv", COUNTS / (2.0 * math.pi)), ("rad.csv", 1.0)):
         lines = [f"{row['t']},{row['u']},{float(row['position']) * factor!r}" for row in rows if float(row["t"]) <= 1.0]
         (tmp_path / name).write_text("\n".join(["t,u,position", *lines]) + "\n")
-    model = (SAMPLES / "servo-bare.toml").read_text()
+    model = without_signals(SAMPLES / "servo-bare.toml")
     (tmp_path / "counts.toml").write_text(IN_COUNTS + model)
     (tmp_path / "rad.toml").write_text('[signals]\nu_unit = "N m"\nvelocity = ""\nposition_unit = "rad"\n' + model)
     made = {}

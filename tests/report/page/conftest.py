@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from tests import warm
+from tests.cli.rig import without_signals
 
 SAMPLES = Path(__file__).parents[3] / "sample_logs"
 #: Name of the log, of two columns, and of a unit; none of them may ever be obeyed.
@@ -28,7 +29,7 @@ def evil_log(folder: Path) -> None:
     head, _, rows = text.partition("\n")
     columns = head.replace("u,", f"{U},", 1).replace("position", POSITION)
     (folder / LOG).write_text(f"{columns}\n{rows}", encoding="utf-8")
-    config = (SAMPLES / "servo-bare.toml").read_text()
+    config = without_signals(SAMPLES / "servo-bare.toml")
     signals = f'[signals]\nu = "{U}"\nposition = "{POSITION}"\nu_unit = "{UNIT}"\nvelocity = ""\n'
     (folder / CONFIG).write_text(f"# <!-- <script>hacked=1</script> -->\n{config}\n{signals}", encoding="utf-8")
 
