@@ -30,7 +30,7 @@ def put_rho(loaded: LoadedLog, model: PlantModel, observer: ObserverSettings, wi
     why = f"{RHO_OF_LEFT:g} times what inertia and delay leave"
     means = error[: error.size // window * window].reshape(-1, window).mean(axis=1)
     if left > SHARE_OF_U * spread and rms(means) > SLOW * rms(error):
-        why += ", and that is a force missing in [model], no noise: before dsd detect, dsd improve LOG --states"
+        why += ", wide because [model] lacks a force: run dsd improve LOG --states before dsd detect"
     out.put("detector", "rho", rho, why)
 
 

@@ -181,7 +181,7 @@ def _with_the_set(result: Diagnosis, winner: Candidate) -> tuple[str, str]:
     perhaps = [f"{name} ({percent(likely[name])})" for name in rest if likely[name] >= _NAMED]
     beside = f", and so {'is' if len(sure) == 1 else 'are'} {listed(sure)}" if sure else ""
     beside += f", and perhaps {listed(perhaps)}" if perhaps else ""
-    return beside, f"{together} with all ({unit}); {only}"
+    return beside, f"{together} with all of these in the model ({unit}); {only}"
 
 
 def _depends(channels: Sequence[str]) -> str:

@@ -144,7 +144,7 @@ def test_of_several_the_values_are_those_of_the_joint_fit() -> None:
     """Alone, friction takes 0.52, for what else is missing bends it; the standard error of that ignores the bias."""
     assert verdict_line(SEVERAL).startswith(
         "coulomb_friction is missing: level 0.4000 +- 0.0010 u, probability 97 %, and so is viscous_asymmetry;"
-        " the held-out force error below 31.4 Hz falls from 0.402 to 0.021 with all (unit of u);"
+        " the held-out force error below 31.4 Hz falls from 0.402 to 0.021 with all of these in the model (unit of u);"
         " with coulomb_friction alone it falls from 0.402 to 0.113"
     )
     text = shown(DiagnosisReport(SEVERAL, GIVEN))
@@ -248,7 +248,7 @@ def test_a_rise_is_never_called_a_fall() -> None:
     refitted = replace(DIAGNOSIS.refitted, heldout_rmse=9.46)
     together = verdict_line(replace(SEVERAL, ranking=(worse,), refitted=refitted, whole_heldout_rmse=0.5))
     assert (
-        "falls from 9.46 to 0.5 with all (unit of u); with coulomb_friction alone it rises from 9.46 to 12" in together
+        "falls from 9.46 to 0.5 with all of these in the model (unit of u); with coulomb_friction alone it rises from 9.46 to 12" in together
     )
     assert moves(0.1131, 0.1132) == "stays at 0.113"
     assert moves(NAN, 0.1) == "goes from - to 0.1"
