@@ -4,28 +4,35 @@ from typing import Any
 
 import numpy as np
 
-from dsd_cli.effects.base import Channels, Effect, Parameter, Role, Shape
+from dsd_cli.effects.base import Channels, Effect, Parameter, Role, Shape, Values
 from dsd_cli.effects.joint_terms import JointTerms
 
 
-def _columns(channels: Channels, _: Shape) -> tuple[Any, ...]:
-    return (-channels.u * np.abs(channels.u),)
+def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
+    """u abs(u) up to the command at which the gain is gone; beyond, what lets no more force than there through."""
+    acts = np.clip(channels.u, -shape["turn"], shape["turn"]) if shape else channels.u
+    return (-np.abs(acts) * (2.0 * channels.u - acts),)
+
+
+def _split(values: Values, _: float) -> tuple[tuple[float, ...], Shape]:
+    droop = values["droop"]
+    return (droop,), {"turn": 0.5 / droop if droop > 0.0 else 0.0}
+
+
+def _join(coefficients: tuple[float, ...], _: Shape, __: float) -> Values:
+    return {"droop": coefficients[0]}
 
 
 EFFECT = Effect(
     id="gain_droop",
     role=Role.APPLIED,
-    law="-c u abs(u)",
+    law="-c u abs(u), up to abs(u) = 1/(2c)",
     summary="The drive's gain falls as its command grows: a motor's torque constant at large current (saturated iron).",
-    pattern="the residual over the command bends down at both ends, whatever the axis does",
-    parameters=(Parameter("droop", "1/({u})", "c: u_eff = u (1 - c abs(u))", lower=0.0),),
+    pattern="the residual opposes the command, the more the larger that is, whatever the axis does",
+    parameters=(Parameter("droop", "1/({u})", "c: u_eff = u (1 - c abs(u)), and no more than 1/(4c)", lower=0.0),),
     needs=("u",),
     columns=_columns,
-    told_apart={
-        "load_friction": "move a load slowly up and down: friction takes force one way and gives it the other, a droop"
-        " takes it both ways",
-        "cubic_stiffness": "repeat the motion under another load: a droop follows the command, a spring the place",
-        "saturation": "step up to the largest command by several levels: a droop shows below the largest, too",
-    },
-    joint=lambda values, _: JointTerms(missing="a gain that falls with the command"),
+    split=_split,
+    join=_join,
+    joint=lambda values, _: JointTerms(missing="gain that falls with the command"),
 )

@@ -99,7 +99,7 @@ def test_a_rho_that_a_missing_force_makes_wide_is_said_to_be_so(force: bool, tmp
     u = AXIS["u"] if force else bare + 0.4 * bare.std() * noise
     write(tmp_path, "time (s),torque,velocity (rad/s)", AXIS["t"], u, AXIS["v"])
     said = next(line for line in done("init", "a.csv", cwd=tmp_path).stderr.splitlines() if line.startswith("  rho = "))
-    assert ("a force missing in [model]" in said) == force
+    assert ("[model] lacks a force" in said) == force
     wide = done("detect", "a.csv", "--set", "detector.rho=1000", "-o", "l.csv", cwd=tmp_path).stdout
     assert "no label is confident: within so wide a rho the candidates are alike. If the model lacks a force" in wide
 

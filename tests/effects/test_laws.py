@@ -28,7 +28,7 @@ FORCES = {
     "coulomb_friction": ({"level": 0.3}, np.full(199, 0.3)),
     "stribeck_friction": ({"excess": 0.3, "velocity": 0.2}, 0.3 * np.exp(-((V / 0.2) ** 2))),
     "load_friction": ({"coefficient": 0.3}, 0.3 * np.abs(U)),
-    "gain_droop": ({"droop": 0.3}, np.where(U > 0, -0.3 * U**2, 0.3 * U**2)),
+    "gain_droop": ({"droop": 0.3}, np.sign(U) * np.where(np.abs(U) < 1 / 0.6, -0.3 * U**2, 1 / 1.2 - np.abs(U))),
 }  # fmt: skip
 
 

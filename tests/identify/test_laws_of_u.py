@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsd_cli.effects import get_effect
+from dsd_cli.effects import Parameter, get_effect, register, unregister
 from dsd_cli.identify.fit.bank import Term
 from dsd_cli.identify.fit.laws_of_u import is_law_of_u, shrinks
 from dsd_cli.identify.fit.priors import PriorKnowledge
@@ -16,7 +16,7 @@ from dsd_cli.identify.recordings.recording import prepare
 from dsd_cli.identify.search.sets import Search
 from dsd_cli.identify.verdict.diagnose import diagnose
 from dsd_cli.plant.model import ObserverSettings, PlantModel
-from dsd_cli.signals.log import Log
+from dsd_cli.signals.log import Log, with_channels
 
 T, J, LEVEL, DAMPING = 0.002, 0.15, 4.0, 2.0
 OBSERVER = ObserverSettings(J, 0.01)
@@ -115,6 +115,33 @@ def test_a_share_of_all_forces_is_not_one_wrong_value(seed, share):
     assert found.verdict in ("coulomb_friction", "viscous_friction", "inertia")
     assert "load_friction" in named.indistinguishable_from
     assert found.probability <= 0.5
+
+
+def test_a_law_of_ones_own_may_have_either_sign():
+    """u (1 + c q), c = -0.15: c was held at 0, the right model left ten times what it does, and all was unknown."""
+    own = get_effect("gain_droop")
+    by_place = replace(
+        own,
+        id="gain_by_place",
+        parameters=(Parameter("gain", "1/({q})", "c of c u q"),),
+        needs=("u", "position"),
+        columns=lambda channels, _: (channels.u * channels.position,),
+        split=None,
+        join=None,
+    )
+    plain = joint(839010, 0.0, 20.0)
+    place = [piece["position"] for piece in plain.pieces]
+    pieces = [with_channels(p, u=p["u"] / (1.0 - 0.15 * q)) for p, q in zip(plain.pieces, place, strict=True)]
+    log = replace(plain, pieces=tuple(pieces))
+    register([by_place])
+    try:
+        found = diagnose([log], model(20.0), OBSERVER, Settings(effects=("gain_by_place", "stiffness")))
+    finally:
+        unregister(["gain_by_place"])
+    assert found.verdict == "gain_by_place"
+    value = found.estimates["gain_by_place.gain"]
+    assert value.value == pytest.approx(-0.15, abs=3.0 * value.std_error)
+    assert value.std_error < 0.02
 
 
 def test_what_is_known_of_it_holds():

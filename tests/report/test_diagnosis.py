@@ -248,7 +248,8 @@ def test_a_rise_is_never_called_a_fall() -> None:
     refitted = replace(DIAGNOSIS.refitted, heldout_rmse=9.46)
     together = verdict_line(replace(SEVERAL, ranking=(worse,), refitted=refitted, whole_heldout_rmse=0.5))
     assert (
-        "falls from 9.46 to 0.5 with all of these in the model (unit of u); with coulomb_friction alone it rises from 9.46 to 12" in together
+        "falls from 9.46 to 0.5 with all of these in the model (unit of u); with coulomb_friction alone it rises"
+        " from 9.46 to 12" in together
     )
     assert moves(0.1131, 0.1132) == "stays at 0.113"
     assert moves(NAN, 0.1) == "goes from - to 0.1"

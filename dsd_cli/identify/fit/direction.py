@@ -32,9 +32,7 @@ from dsd_cli.signals.log import Array
 from dsd_cli.signals.passes import mixed
 
 #: Why an effect cannot be told in the inverse form.
-NEEDS_ACCELERATION = (
-    "u is judged by the motion here (most of it is no acceleration, or it is noisy): this shows in the acceleration"
-)
+NEEDS_ACCELERATION = "u is judged by the motion here (J a is little of it, or it is noisy), which shows little of this"
 
 
 def inverse_is_evidence(solver: Solver, beside: Terms, inertia: float, tap: int) -> bool:

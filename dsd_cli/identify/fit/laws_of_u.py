@@ -66,6 +66,7 @@ def at_laws(
     """
     slope = {f"{law.id}.{law.effect.parameters[0].name}": slopes(bank, law, tap) for law in laws}
     held = {**dict.fromkeys(slope, 0.0), **known.fixed}
+    floor = {f"{law.id}.{law.effect.parameters[0].name}": law.effect.parameters[0].lower for law in laws}
 
     def least(name: str) -> float:
         whole = 1.0 / max(float(np.abs(slope[name]).max()), 1e-300)  # takes all of u, in some row
@@ -78,8 +79,9 @@ def at_laws(
             errors = (own + c / whole * (beside - own)) / np.maximum(np.abs(kept - c * slope[name]), _NOTHING)
             return float(errors @ errors) + variance * ((c - usual) / spread) ** 2
 
-        low, high = (min(max(end, 0.0), _MOST * whole) for end in known.limits(name))
-        return min((low, golden_section(judged, low, high, _STEPS)), key=judged)  # where all are alike, none
+        low, high = (min(max(end, floor[name], -_MOST * whole), _MOST * whole) for end in known.limits(name))
+        # where all are alike, none
+        return min((min(max(0.0, low), high), golden_section(judged, low, high, _STEPS)), key=judged)
 
     free = [name for name in slope if name not in known.fixed]
     for name in free * (1 if len(free) == 1 else _TURNS):

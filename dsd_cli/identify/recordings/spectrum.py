@@ -180,7 +180,8 @@ def cycle_of(speed: Array, sample_time: float) -> float:
     identifies no delay beyond it, and no line in time at one of its harmonics from a force that depends on the motion.
     A mean speed is the same at any time, and says nothing of that.
     """
-    speed = _sized(speed - speed.mean())
+    speed = speed - speed.mean()
+    speed /= max(float(np.abs(speed).max(initial=0.0)), 1e-300)  # whose squares are numbers
     step = -(-len(speed) // _SAMPLES)
     speed = speed[: len(speed) // step * step].reshape(-1, step).mean(axis=1)
     most = int(len(speed) / POLICY.least_cycles)
@@ -204,8 +205,3 @@ def cycle_of(speed: Array, sample_time: float) -> float:
     times = max((len(alike) - 1) // lag, 1)  # so many cycles later it is known to that part of a sample
     begin = times * lag - times // 2
     return (begin + int(np.argmax(alike[begin : times * lag + times // 2 + 1]))) / times * step * sample_time
-
-
-def _sized(x: Array) -> Array:
-    """With 1 for its largest, whose squares are numbers."""
-    return x / max(float(np.abs(x).max(initial=0.0)), 1e-300)

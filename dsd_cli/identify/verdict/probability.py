@@ -16,6 +16,7 @@ import numpy as np
 from dsd_cli.effects import Role, get_effect
 from dsd_cli.identify.fit.bank import has_friction
 from dsd_cli.identify.fit.direction import DRY
+from dsd_cli.identify.fit.laws_of_u import is_law_of_u
 from dsd_cli.identify.fit.solve import Fit
 from dsd_cli.identify.policy import POLICY
 from dsd_cli.identify.results import Estimates, Missing, Unexplained
@@ -141,12 +142,15 @@ def membership(search: Search, whole: Fit, effect_id: str, misfit: bool) -> Memb
 def is_told(effect_id: str, estimates: Estimates) -> bool:
     """Whether all values of an effect, beside all that was found, are away from 0 by more than their standard errors
     make likely: a gain without a value comes from what the errors count as unknown. A line of amplitude 0 is none,
-    whatever its frequency, and friction that builds up over no way that is known is Coulomb's. Of a load any value."""
+    whatever its frequency, and friction that builds up over no way that is known is Coulomb's. Of a load any value. Any
+    gain that varies passes for one that droops, by a value that is hardly known."""
     effect = get_effect(effect_id)
     own = [p.name for p in effect.parameters if not p.whole_turn and p.name not in effect.broad]
     known = [e for name in own if (e := estimates.get(f"{effect_id}.{name}")) is not None]
     every = any if effect.role is Role.STRUCTURE else all
-    return not known or every(e.held or abs(e.value) > POLICY.told_deviations * e.std_error for e in known)
+    gain = effect.role is Role.APPLIED and is_law_of_u(effect)
+    least = POLICY.contradicting_deviations if gain else POLICY.told_deviations
+    return not known or every(e.held or abs(e.value) > least * e.std_error for e in known)
 
 
 def changes(search: Search, fit: Fit) -> list[float]:
