@@ -12,6 +12,9 @@ from dsd_cli.signals.log import Log, with_channels
 from dsd_cli.signals.outliers import standing_alone
 from dsd_cli.signals.zero_offset import zero_offset
 
+#: Times the largest of the rest of u beyond which no drive gives a single sample.
+_NO_KICK = 100.0
+
 
 def zero_offsets(log: Log, signals: Signals) -> list[Finding]:
     """Channels that rest at what may be the zero of their sensor; u holds a weight there as well."""
@@ -49,9 +52,12 @@ def lone_spikes(log: Log) -> list[Finding]:
     return [Finding(what, "u", "warning", 0.8, remedy)]
 
 
-def without_lone_spikes(log: Log) -> Log:
-    """The log with u as it is around these samples."""
+def without_impossible(log: Log) -> Log:
+    """The log with u as it is around lone samples that no drive gives; a kick of a few times the rest may have acted,
+    though a coarse sensor shows nothing of it. The same log where there are none."""
     at = _lone(log)
+    usual = float(np.max(np.abs(np.delete(log["u"], at)), initial=0.0)) if at else 0.0
+    at = [k for k in at if abs(log["u"][k]) > _NO_KICK * usual]
     if not at:
         return log
     u, there = log["u"].copy(), np.ones(log["u"].size, dtype=bool)

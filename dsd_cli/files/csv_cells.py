@@ -39,7 +39,7 @@ LARGE = re.compile(r"[-+]?[1-9]\d{0,2}[.,]\d{3}")
 _LONE = re.compile(r"\s*([-+]?\d*([.,])\d+(?:[eE][-+]?\d+)?)(?![\d.,])")
 DECIMAL_COMMA = re.compile(r"\s*[-+]?\d*,\d+([eE][-+]?\d+)?\s*")
 #: A zone behind another one, as mosquitto_sub writes it: 12:00:00.5Z+0000 is of that offset.
-_TWO_ZONES = re.compile(r"Z(?=[-+]\d)")
+TWO_ZONES = re.compile(r"Z(?=[-+]\d)")
 ISO_TIME = re.compile(r"\s*\d{4}-\d\d-\d\d[ T]\d\d:\d\d")
 SPOKEN_UNITS = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "msec": 1e-3, "us": 1e-6, "min": 60.0, "hr": 3600.0}
 MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
@@ -241,7 +241,7 @@ def seconds(text: str) -> float:
 
 
 def _iso(text: str) -> datetime:
-    return datetime.fromisoformat(_TWO_ZONES.sub("", text.strip()))
+    return datetime.fromisoformat(TWO_ZONES.sub("", text.strip()))
 
 
 def is_stamp(text: str) -> bool:

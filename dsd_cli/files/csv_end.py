@@ -51,12 +51,12 @@ def _footer(lines: Sequence[bytes], delimiter: str, width: int, numeric: Sequenc
         fields = fields_of(text.rstrip("\r\n") if delimiter == "\t" else text.strip(), delimiter)
         place, first = next(((k, cell.strip(' "')) for k, cell in enumerate(fields) if cell.strip(' "')), (0, ""))
         if first:
-            if any(k < len(fields) and is_number(fields[k]) for k in numeric[:1]):
+            if any(k < len(fields) and fields[k].strip(' "') and is_number(fields[k]) for k in numeric[:1]):
                 break
             if not (first[:1].isalpha() or first.startswith((*COMMENT, *"[<*=;"))):
                 break
         cut.append(raw)
-        of_words = place in numeric[:1] and first.isalpha()
+        of_words = place in numeric and first.isalpha()
         if len(fields) != width or of_words or not any(map(is_number, fields)):  # else it may be a row with a bad cell
             rest = len(cut)
     return b"".join(reversed(cut[:rest]))

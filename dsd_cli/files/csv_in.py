@@ -227,10 +227,10 @@ class CsvTable:
 
         header, skip, first, decimal, _, written = self._dialect
         types = {f"c{at}": pa.string() if at in written else pa.float64() for at in self._places.values()}
-        at = self._places.get("t")
-        if at is not None and at < len(first) and cells.ISO_TIME.match(first[at]):
-            types[f"c{at}"] = pa.timestamp("ns", "UTC" if cells.has_zone(first[at]) else None)
-        elif at is not None and at < len(first) and cells.SPOKEN_TIME.fullmatch(first[at]):
+        stamp = first[at] if (at := self._places.get("t")) is not None and at < len(first) else ""
+        if cells.ISO_TIME.match(stamp) and not cells.TWO_ZONES.search(stamp):
+            types[f"c{at}"] = pa.timestamp("ns", "UTC" if cells.has_zone(stamp) else None)
+        elif cells.is_stamp(stamp):
             types[f"c{at}"] = pa.string()
         types = dict(kinds or types)
         source, skip, delimiter = self._source(header.delimiter, skip)

@@ -143,3 +143,42 @@ def test_quotes_inside_of_a_name_are_of_the_name(tmp_path: Path) -> None:
     body = strangers.rows(SHORT, np.arange(600), 1e3 * SHORT["t"], SHORT["q"], SHORT["u"], by=";")
     found = roles(chosen(strangers.text(tmp_path, "trace.csv", [head, *body])))
     assert (found["position"], found["u"]) == ('"Axis_1".ActualPosition', '"Axis_1".Torque')
+
+
+@pytest.mark.parametrize("delimiter", ["\t", ","])
+def test_means_below_an_empty_stamp_are_no_rows(delimiter: str, tmp_path: Path) -> None:
+    rows = [delimiter.join(f"{x:.6g}" for x in row) for row in U_AND_PLACE]
+    ends = [delimiter.join(("", "Mean", "0.1")), delimiter.join(("", "Std", "0.3"))]
+    (tmp_path / "log.csv").write_text("\n".join([delimiter.join(("t", "u", "q")), *rows, *ends]) + "\n")
+    assert proposed(tmp_path / "log.csv").question == ""
+
+
+def test_a_csv_whose_stamps_have_two_zones(tmp_path: Path) -> None:
+    rows = [f"2025-05-01T12:00:{t:09.6f}Z+0000,{u:.6g},{q:.6g}" for t, u, q in U_AND_PLACE]
+    (tmp_path / "log.csv").write_text("\n".join(["time,u,q", *rows]) + "\n")
+    assert roles(chosen(tmp_path / "log.csv"))["time"] == "time"
+    assert proposed(tmp_path / "log.csv").question == ""
+
+
+def _users_own(file: h5py.File) -> None:
+    """A group that begins like an index of PyTables'."""
+    for name in ("t", "u", "q"):
+        file[f"_i_axis/{name}"] = SHORT[name]
+
+
+def _a_group_beside(file: h5py.File) -> None:
+    file["axis_values"] = np.array(U_AND_PLACE)
+    file.create_group("axis_items")
+
+
+def _an_empty_attribute(file: h5py.File) -> None:
+    rows = [(t, (u, q)) for t, u, q in U_AND_PLACE]
+    file["d"] = np.array(rows, [("t", "f8"), ("u", "f8", (2,))])
+    file["d"].attrs["u_kind"] = np.array([], dtype="f8")
+
+
+@pytest.mark.parametrize("write", [_users_own, _a_group_beside, _an_empty_attribute])
+def test_what_only_looks_like_pandas_is_read_as_it_is(write: Callable[[h5py.File], None], tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "log.h5", "w") as file:
+        write(file)
+    assert len(sample(str(tmp_path / "log.h5")).tables[0].channels) == 3

@@ -51,12 +51,18 @@ class Hdf5File:
         if self._objects and not self.groups and not self.notes:
             self.notes.append(NO_NUMBERS)
 
+    def _is_index(self, path: str) -> bool:
+        """Whether it lies in what PyTables writes beside a table; a group of such a name alone is the user's."""
+        parts = path.split("/")
+        of = {k: part.removeprefix(INDEX) for k, part in enumerate(parts) if part.startswith(INDEX)}
+        return any("/".join([*parts[:k], table]) in self._file for k, table in of.items() if table)
+
     def _note(self, parts: dict[tuple[str, int], dict[str, _Place]], path: str, item: Any) -> None:
         import h5py
 
         if not isinstance(item, h5py.Dataset) or path.startswith("#"):
             return
-        if any(part.startswith(INDEX) for part in path.split("/")):
+        if self._is_index(path):
             return
         if item.external or item.is_virtual:  # it may name any file of the reader's
             self.notes.append(f"{path} lies in another file, which is not followed")
@@ -138,7 +144,8 @@ def _listed_beside(path: str, item: Any) -> list[str]:
     name = path.rpartition("/")[2]
     there = name.endswith(values) and hasattr(item, "parent")
     beside: Any = item.parent.get(name.removesuffix(values) + items) if there else None
-    return [*map(_text, beside[:])] if beside is not None and beside.dtype.kind == "S" and beside.ndim == 1 else []
+    listed = isinstance(beside, type(item)) and beside.dtype.kind == "S" and beside.ndim == 1
+    return [*map(_text, beside[:])] if listed else []
 
 
 def _parts(item: Any, part: str) -> dict[str, _Place]:
@@ -148,8 +155,8 @@ def _parts(item: Any, part: str) -> dict[str, _Place]:
         return {}
     if not shape:
         return {part: _Place(item, 0, part=part)}
-    said = np.ravel(item.attrs.get(f"{part}_kind", b""))[0]
-    names = [_text(name) for name in _TEXT.findall(said)] if isinstance(said, bytes) else []
+    said = np.ravel(item.attrs.get(f"{part}_kind", b""))
+    names = [_text(name) for name in _TEXT.findall(said[0])] if said.size and isinstance(said[0], bytes) else []
     names = names if len(set(names)) == shape[0] else [f"{part}/{k + 1}" for k in range(shape[0])]
     return {name: _Place(item, 0, at=k, part=part) for k, name in enumerate(names)}
 
