@@ -61,7 +61,7 @@ def verified(
 
     Raises
     ------
-    DataError : on any motion a plant that counts breaks a limit, or its loop is unstable. TooNarrowError : as logs do.
+    DataError : on any motion a plant breaks a limit, or its loop is unstable. TooNarrowError : where the logs went.
     """
     order = _in_turn(plants)
     wide, lost, unstable, names = parts, list[str](), list[str](), [e.name for e in targets.explanations]

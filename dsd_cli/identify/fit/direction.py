@@ -87,7 +87,7 @@ def drowns(moved: Array, fitted: float, inertia: float) -> bool:
 
 
 def needs_acceleration(effect_id: str) -> bool:
-    """Whether the forward form alone identifies an effect: one on u, of time, a mass, or of u but no share of it."""
+    """Whether the forward form alone identifies an effect: one on u, of time, a mass, or of u but no law of it."""
     effect = get_effect(effect_id)
     of_u = "u" in effect.needs and not is_law_of_u(effect)
     return effect.role in (Role.INPUT, Role.STRUCTURE) or of_u or effect.of_time
