@@ -40,10 +40,11 @@ def two_answers(missing: Sequence[Missing], last: Diagnosis, added: Sequence[str
 
     last : the diagnosis that says what is left. added : effects of the model at the end, which are missing no more.
     """
-    lines, left = [], last.unexplained
-    for what, inside in (("added", True), ("missing", False)):
-        those = [f"{one.effect} ({percent(one.probability)})" for one in missing if (one.effect in added) is inside]
-        lines += [f"{what}: {listed(those)}"] if those else []
+    said, left = dict[str, list[str]](), last.unexplained
+    for one in missing:
+        what = "added" if one.effect in added else "missing" if believed(one.probability) else "perhaps missing"
+        said.setdefault(what, []).append(f"{one.effect} ({percent(one.probability)})")
+    lines = [f"{what}: {listed(said[what])}" for what in ("added", "missing", "perhaps missing") if what in said]
     if not math.isfinite(left.share_of_u):
         return lines
     over = f", over {listed(left.on)}" if left.on else ""

@@ -114,6 +114,13 @@ def test_what_was_added_is_not_called_missing() -> None:
     assert "added: coulomb_friction (99 %)" in lines
     assert "missing: cogging (70 %)" in lines
     assert "unexplained: < 1 % of u (probability that more is missing: 1 %)" in lines
+    doubted = (Missing("stiffness", 0.16), Missing("gravity", 0.5), Missing("coulomb_friction", 0.99))
+    three = two_answers(doubted, replace(LADDER.last, missing=doubted), ("coulomb_friction",))
+    assert three[:3] == [
+        "added: coulomb_friction (99 %)",
+        "missing: gravity (50 %)",
+        "perhaps missing: stiffness (16 %)",
+    ]
 
 
 def test_a_part_of_u_that_is_too_small_to_count_is_no_noise_of_the_sensor() -> None:
