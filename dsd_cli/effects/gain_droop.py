@@ -9,7 +9,8 @@ from dsd_cli.effects.joint_terms import JointTerms
 
 
 def _columns(channels: Channels, shape: Shape) -> tuple[Any, ...]:
-    """u abs(u) up to the command at which the gain is gone; beyond, what lets no more force than there through."""
+    """u abs(u) up to the command beyond which more of it gives no more force, and there what keeps that force. While c
+    is still to be found there is no such end."""
     acts = np.clip(channels.u, -shape["turn"], shape["turn"]) if shape else channels.u
     return (-np.abs(acts) * (2.0 * channels.u - acts),)
 
