@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
 
 from dsd_cli.files.config import load_config
 from dsd_cli.roles import Channel, guess_roles
@@ -76,17 +75,22 @@ def test_one_wrong_cell_of_u_bends_no_number_and_is_said(tmp_path: Path) -> None
 
 def test_kicks_that_acted_stay_in_u(tmp_path: Path) -> None:
     """A sensor of 0.01 rad shows nothing of one sample: without six of twelve kicks J was 0.018."""
-    random, step = np.random.default_rng(990960), 0.01
+    random, step, finer = np.random.default_rng(990960), 0.01, 10
     t = step * np.arange(3000)
     u = 0.05 * np.sin(2.0 * t) + 0.05 * np.sin(5.3 * t)
     u[random.choice(np.arange(50, 2950), 12, replace=False)] += random.choice([-1.0, 1.0], 12)
-    decay = np.exp(-step)  # B / J is 1 per s
-    speed = np.concatenate([[0.0], lfilter([(1.0 - decay) / 0.02], [1.0, -decay], u)[:-1]])
-    place = np.concatenate([[0.0], np.cumsum(0.5 * (speed[1:] + speed[:-1])) * step])
+    place, position, speed = np.zeros(t.size), 0.0, 0.0
+    for k, held in enumerate(u.tolist()):
+        place[k] = position
+        for _ in range(finer):
+            speed += step / finer * (held - 0.02 * speed) / 0.02
+            position += step / finer * speed
     log = np.column_stack([t, u, np.round(place / 0.01) * 0.01])
     np.savetxt(tmp_path / "log.csv", log, "%.9g", ",", header="t,u,q", comments="")
     said = done("init", "log.csv", cwd=tmp_path).stderr
+    assert "of u stand alone" in said
     assert "that no drive gives" not in said
+    assert load_config(tmp_path / "dsd.toml").model.inertia == pytest.approx(0.02, rel=0.02)
 
 
 def test_the_error_of_a_controller_is_no_motion(tmp_path: Path) -> None:
