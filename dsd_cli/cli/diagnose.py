@@ -45,7 +45,7 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
     check_plot(plot, [options.config, *log, *options.files(settings)])
     with Progress(not quiet) as progress, widening(settings.signals):
         given, asked = load_open(settings, log, apart, progress)
-        found, recordings = _found(given, asked, progress, quiet)
+        found, recordings = answer(given, asked, progress, quiet)
         found = replace(found, advice=(*said_of_hold(given, log, found), *found.advice, *said_of_moves(recordings)))
     report = DiagnosisReport(
         replace(found, warnings=once_late(given.warnings, found.warnings)), given.model, apart, given.dropped
@@ -62,10 +62,15 @@ def diagnose(log: LogsArgument, options: FitOptions) -> None:
         put_picture(plot, lambda: draw(report, residual_views(found, given.model, recordings)), quiet)
 
 
-def _found(
+def answer(
     given: Given, asked: OpenLog | None, progress: Progress, quiet: bool
 ) -> tuple[Diagnosis, Sequence[Recording]]:
-    """(the answer, in the user's units; what it is of)."""
+    """(the answer, in the user's units; what it is of): that of the command, and of a fleet's row.
+
+    Raises
+    ------
+    DataError : see `dsd_cli.identify.verdict.diagnose.diagnose`.
+    """
     from dsd_cli.cli.identification import diagnosed, early
     from dsd_cli.identify.verdict.diagnose import diagnose as run
     from dsd_cli.report.in_units import in_units

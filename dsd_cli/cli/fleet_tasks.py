@@ -18,7 +18,6 @@ from dsd_cli.errors import DataError, DsdError, printable
 
 if TYPE_CHECKING:
     from dsd_cli.files.config import Config
-    from dsd_cli.identify.results import Diagnosis
 
 #: A row of the table of results: column -> value.
 Row = dict[str, str | float | int | bool | None]
@@ -212,15 +211,13 @@ def _compare(path: str, settings: Config) -> Row:
 
 
 def _diagnose(path: str, settings: Config) -> Row:
-    from dsd_cli.cli.identification import diagnosed, load_open
-    from dsd_cli.identify.verdict.diagnose import diagnose
-    from dsd_cli.report.in_units import in_units
+    from dsd_cli.cli.diagnose import answer
+    from dsd_cli.cli.identification import load_open
+    from dsd_cli.cli.progress import Progress
     from dsd_cli.report.verdict import candidate, verdict_line
 
     given, asked = load_open(settings, [path], [])
-    how = given.model, given.observer, given.engine_settings
-    found, _ = diagnosed(given, asked, lambda recordings, _: diagnose(recordings, *how))
-    result: Diagnosis = in_units(found, given.settings.signals.units)
+    result, _ = answer(given, asked, Progress(enabled=False), quiet=True)
     winner = candidate(result, result.verdict)
     named = {} if winner is None or result.whole_values else _named(winner.effect, winner.parameters)
     values = {**result.estimates, **named}

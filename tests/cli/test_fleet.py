@@ -284,6 +284,21 @@ def test_compare_and_diagnose_rows_are_those_of_the_commands(tmp_path: Path) -> 
     assert diagnosed["heldout_rmse_after"] == alone["found_heldout_rmse"]
 
 
+def test_a_log_whose_u_is_turned_names_no_effect_in_a_fleet_either(tmp_path: Path) -> None:
+    from tests.docs.test_readme_commands import ROOT
+
+    samples = ROOT / "sample_logs"
+    turned = 'u_unit = "N m"\nu_sign = -1\nd_hat = ""'
+    config = (samples / "servo-bare.toml").read_text("utf-8").replace('u_unit = "N m"', turned, 1)
+    (tmp_path / "dsd.toml").write_text(config, encoding="utf-8")
+    log = samples / "servo-friction.csv"
+    done("fleet", "diagnose", log, "-o", "d.parquet", "--workers", "1", cwd=tmp_path)
+    (row,) = rows(tmp_path / "d.parquet")
+    alone = json.loads(done("diagnose", log, "--format", "json", cwd=tmp_path).stdout)
+    assert (row["verdict"], row["said"], row["found"]) == ("unknown", alone["verdict_text"], "")
+    assert "the other sign" in row["said"]
+
+
 def test_a_changed_config_or_log_is_worked_on_again(tmp_path: Path) -> None:
     for k in range(2):
         write(tmp_path, f"{k}.csv", make_log(200, k))
