@@ -92,7 +92,7 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
     from functools import partial
 
     from dsd_cli.cli.identification import warn
-    from dsd_cli.cli.odd_values import lone_spikes, zero_offsets
+    from dsd_cli.cli.odd_values import lone_spikes, said_of_spikes, zero_offsets
     from dsd_cli.cli.plan import as_logged, log_columns, made, naming, observer_settings, reading, window
     from dsd_cli.cli.recordings import absent, believed_model, by_updates, check_sizes
     from dsd_cli.files.config.remedies import keys_that_multiply
@@ -124,7 +124,8 @@ def checked_log(path: str, config: Config, quiet: bool, progress: Progress) -> C
     ).named(config.signals.units)
     fast = _too_fast(config, result.excitation.top_speed or 0.0)
     asked = [_open_unit(config)] if config.signals.units.assumed else []
-    odd = [*fast, *zero_offsets(loaded.log, config.signals), *lone_spikes(loaded.log)]
+    spikes = said_of_spikes(loaded.log, lone_spikes(loaded.log))
+    odd = [*fast, *zero_offsets(loaded.log, config.signals), *spikes]
     result = replace(result, findings=(*odd, *_unread(config), *result.findings, *asked))
     if window(config.signals):
         result = replace(result, findings=tuple(_widened(finding) for finding in result.findings))

@@ -13,7 +13,7 @@ import numpy as np
 from dsd_cli.cli.init_delay import explains, only_channel, put_delays, short
 from dsd_cli.cli.init_proposal import Proposal, signals_of
 from dsd_cli.cli.init_rho import put_rho
-from dsd_cli.cli.odd_values import lone_spikes, without_impossible, zero_offsets
+from dsd_cli.cli.odd_values import lone_spikes, said_of_spikes, without_impossible, zero_offsets
 from dsd_cli.cli.recordings import by_updates, on_its_clock, to_turn_u
 from dsd_cli.files.config.remedies import keys_that_multiply
 from dsd_cli.files.first_look import time_unit_of
@@ -135,10 +135,10 @@ def _evened(loaded: LoadedLog, out: Proposal, given: Mapping[str, str]) -> tuple
 
 def _without_spikes(loaded: LoadedLog, out: Proposal) -> LoadedLog:
     """The log without single values of u that no drive gives, which would bend all numbers."""
-    log, taken = without_impossible(loaded.log), ""
-    if log is not loaded.log:
-        taken = ", and the numbers here are found without those that no drive gives"
-    out.said += [f"{one.what} {one.remedy}{taken}" for one in lone_spikes(loaded.log)]
+    at = lone_spikes(loaded.log)
+    log = without_impossible(loaded.log, at)
+    taken = "" if log is loaded.log else ", and the numbers here are found without those that no drive gives"
+    out.said += [f"{one.what} {one.remedy}{taken}" for one in said_of_spikes(loaded.log, at)]
     return replace(loaded, log=log)
 
 

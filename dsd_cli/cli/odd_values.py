@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -41,9 +42,16 @@ def zero_offsets(log: Log, signals: Signals) -> list[Finding]:
     ]
 
 
-def lone_spikes(log: Log) -> list[Finding]:
+def lone_spikes(log: Log) -> list[int]:
     """Single samples of u far beyond what it usually reaches, as of a wrong cell: no change of the speed answers."""
-    at = _lone(log)
+    if "u" not in log or not log.channels.keys() & {"velocity", "position"}:
+        return []
+    at, speed = standing_alone(log["u"]).tolist(), log["velocity"] if "velocity" in log else np.diff(log["position"])
+    return [] if not at or standing_alone(np.diff(speed)).size else at
+
+
+def said_of_spikes(log: Log, at: Sequence[int]) -> list[Finding]:
+    """What is said of those."""
     if not at:
         return []
     largest = max((float(log["u"][k]) for k in at), key=abs)
@@ -52,10 +60,9 @@ def lone_spikes(log: Log) -> list[Finding]:
     return [Finding(what, "u", "warning", 0.8, remedy)]
 
 
-def without_impossible(log: Log) -> Log:
-    """The log with u as it is around lone samples that no drive gives; a kick of a few times the rest may have acted,
-    though a coarse sensor shows nothing of it. The same log where there are none."""
-    at = _lone(log)
+def without_impossible(log: Log, at: Sequence[int]) -> Log:
+    """The log with u as it is around those of its lone spikes that no drive gives; a kick of a few times the rest may
+    have acted, though a coarse sensor shows nothing of it. The same log where there are none."""
     usual = float(np.max(np.abs(np.delete(log["u"], at)), initial=0.0)) if at else 0.0
     at = [k for k in at if abs(log["u"][k]) > _NO_KICK * usual]
     if not at:
@@ -64,10 +71,3 @@ def without_impossible(log: Log) -> Log:
     there[at] = False
     u[at] = np.interp(at, np.flatnonzero(there), u[there])
     return with_channels(log, u=u)
-
-
-def _lone(log: Log) -> list[int]:
-    if "u" not in log or not log.channels.keys() & {"velocity", "position"}:
-        return []
-    at, speed = standing_alone(log["u"]).tolist(), log["velocity"] if "velocity" in log else np.diff(log["position"])
-    return [] if not at or standing_alone(np.diff(speed)).size else at

@@ -60,9 +60,7 @@ class Hdf5File:
     def _note(self, parts: dict[tuple[str, int], dict[str, _Place]], path: str, item: Any) -> None:
         import h5py
 
-        if not isinstance(item, h5py.Dataset) or path.startswith("#"):
-            return
-        if self._is_index(path):
+        if not isinstance(item, h5py.Dataset) or path.startswith("#") or self._is_index(path):
             return
         if item.external or item.is_virtual:  # it may name any file of the reader's
             self.notes.append(f"{path} lies in another file, which is not followed")
